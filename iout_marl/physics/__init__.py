@@ -1,0 +1,79 @@
+"""Underwater acoustics, energy transfer and uplink: arrays in, arrays out.
+
+Decibels, watts, joules and seconds; nothing here knows of scenarios or environments.
+Every function takes Python numbers or arrays of one library of the array API standard,
+broadcasts them, and names the paper's equation or the source that it follows.
+"""
+
+from iout_marl.physics.absorption import (
+    francois_garrison_absorption_db_per_km,
+    thorp_absorption_db_per_km,
+)
+from iout_marl.physics.harvesting import (
+    available_power_w,
+    harvested_energy_j,
+    harvested_power_w,
+    induced_voltage_v,
+)
+from iout_marl.physics.noise import ambient_noise_band_level_db, ambient_noise_spectral_level_db
+from iout_marl.physics.propagation import (
+    REFERENCE_LEVEL_DB,
+    electrical_power_w,
+    received_level_db,
+    source_level_db,
+    table_attenuation_db,
+    transmission_loss_db,
+)
+from iout_marl.physics.sound_speed import mackenzie_sound_speed_m_per_s
+from iout_marl.physics.splitting import (
+    attenuation_at_balance_db,
+    attenuation_distance_m,
+    beta_star,
+    g,
+    g_slope,
+    h,
+    kappa,
+    kappa_2,
+    kappa_3,
+    smallest_beta,
+)
+from iout_marl.physics.uplink import (
+    approximate_required_energy_j,
+    required_energy_j,
+    required_snr,
+    sonar_transmit_power_w,
+    transmit_power_w,
+)
+
+__all__ = [
+    "REFERENCE_LEVEL_DB",
+    "ambient_noise_band_level_db",
+    "ambient_noise_spectral_level_db",
+    "approximate_required_energy_j",
+    "attenuation_at_balance_db",
+    "attenuation_distance_m",
+    "available_power_w",
+    "beta_star",
+    "electrical_power_w",
+    "francois_garrison_absorption_db_per_km",
+    "g",
+    "g_slope",
+    "h",
+    "harvested_energy_j",
+    "harvested_power_w",
+    "induced_voltage_v",
+    "kappa",
+    "kappa_2",
+    "kappa_3",
+    "mackenzie_sound_speed_m_per_s",
+    "received_level_db",
+    "required_energy_j",
+    "required_snr",
+    "smallest_beta",
+    "sonar_transmit_power_w",
+    "source_level_db",
+    "table_attenuation_db",
+    "thorp_absorption_db_per_km",
+    "transmission_loss_db",
+    "transmit_power_w",
+]

@@ -1,0 +1,69 @@
+"""Acoustic energy transfer: from the received level to joules in the node's store."""
+
+from __future__ import annotations
+
+from iout_marl.physics.arrays import Array, ArrayLike, as_arrays, require
+
+
+def induced_voltage_v(received_level_db: ArrayLike, sensitivity_db: ArrayLike) -> Array:
+    """Voltage at the open hydrophone, V_ind = p·M = 10^((RL + RVS)/20) (eq. `v ind`).
+
+    Args:
+        received_level_db: RL in dB re 1 µPa.
+        sensitivity_db: receiving voltage sensitivity RVS = 20 log₁₀ M in dB re 1 V/µPa
+            (eq. `rvs`).
+
+    Returns:
+        voltage in V, in the broadcast shape of the arguments.
+    """
+    _, rl, rvs = as_arrays(received_level_db, sensitivity_db)
+    return 10 ** ((rl + rvs) / 20)
+
+
+def available_power_w(voltage_v: ArrayLike, load_resistance_ohm: ArrayLike) -> Array:
+    """Power into a matched load, P_available = V_ind²/(4 R_p) (eq. `p available`).
+
+    Returns:
+        power in W, in the broadcast shape of the arguments.
+
+    Raises:
+        ValueError: a resistance is not above 0.
+    """
+    _, voltage, resistance = as_arrays(voltage_v, load_resistance_ohm)
+    require(resistance > 0, "load_resistance_ohm must be above 0")
+    return voltage**2 / (4 * resistance)
+
+
+def harvested_power_w(
+    received_level_db: ArrayLike,
+    sensitivity_db: ArrayLike,
+    load_resistance_ohm: ArrayLike,
+    efficiency: ArrayLike,
+    hydrophones: ArrayLike = 1,
+) -> Array:
+    """Power that a node harvests, P_harv = n·η·10^((RL+RVS)/10)/(4 R_p) (eq. `p harvested`).
+
+    Args:
+        received_level_db: RL in dB re 1 µPa.
+        sensitivity_db: RVS in dB re 1 V/µPa.
+        load_resistance_ohm: R_p in Ω, above 0.
+        efficiency: acoustic-electric efficiency η.
+        hydrophones: number n of hydrophones; the paper's equation is for one.
+
+    Returns:
+        power in W, in the broadcast shape of the arguments.
+
+    Raises:
+        ValueError: a resistance is not above 0.
+    """
+    voltage = induced_voltage_v(received_level_db, sensitivity_db)
+    _, available, eta, n = as_arrays(
+        available_power_w(voltage, load_resistance_ohm), efficiency, hydrophones
+    )
+    return n * eta * available
+
+
+def harvested_energy_j(power_w: ArrayLike, charging_s: ArrayLike) -> Array:
+    """Energy harvested, E_harv = P_harv·τ_charging (eq. `E harvested`), in J."""
+    _, power, duration = as_arrays(power_w, charging_s)
+    return power * duration

@@ -1,0 +1,118 @@
+"""Loss of level between source and receiver, and the levels at both ends.
+
+Two forms of the loss are in use (the reproduction of the paper needs the first):
+
+- `table_attenuation_db`: k_s·log₁₀ d + α d, the form of the paper's appendix, which
+  reproduces its table of energies and its results;
+- `transmission_loss_db`: k_s·10·log₁₀ d + α d, the paper's eq. `AL` as printed and the
+  loss of the sonar equation.
+"""
+
+from __future__ import annotations
+
+from iout_marl.physics.arrays import Array, ArrayLike, as_arrays, require
+
+#: Level of 1 W of acoustic power, 1 m from an omnidirectional source, in dB re 1 µPa.
+REFERENCE_LEVEL_DB = 170.8
+
+
+def _loss_db(
+    distance_m: ArrayLike, absorption_db_per_km: ArrayLike, spreading_db_per_decade: ArrayLike
+) -> Array:
+    xp, d, alpha, spreading = as_arrays(distance_m, absorption_db_per_km, spreading_db_per_decade)
+    require(d >= 0, "distance_m must not be negative")
+    # Levels are referred to 1 m: nearer than that nothing spreads.
+    return spreading * xp.log10(xp.where(d > 1, d, xp.ones_like(d))) + alpha * d / 1000
+
+
+def table_attenuation_db(
+    distance_m: ArrayLike, absorption_db_per_km: ArrayLike, spreading_factor: ArrayLike = 1.5
+) -> Array:
+    """Attenuation level as the paper's appendix writes it: AL = k_s log₁₀ d + κ₄ d.
+
+    Its own eq. `AL` has 10 k_s in place of k_s, but its table of energies and its
+    results follow this form.
+
+    Args:
+        distance_m: distance d in m, not negative; no spreading below 1 m.
+        absorption_db_per_km: absorption α = κ₄ in dB/km.
+        spreading_factor: k_s, 1 (cylindrical) to 2 (spherical).
+
+    Returns:
+        AL in dB, in the broadcast shape of the arguments.
+
+    Raises:
+        ValueError: a distance is negative.
+    """
+    return _loss_db(distance_m, absorption_db_per_km, spreading_factor)
+
+
+def transmission_loss_db(
+    distance_m: ArrayLike, absorption_db_per_km: ArrayLike, spreading_factor: ArrayLike = 1.5
+) -> Array:
+    """Transmission loss of the sonar equation: TL = k_s·10 log₁₀ d + α d (eq. `AL`).
+
+    Args and errors as for `table_attenuation_db`.
+
+    Returns:
+        TL in dB re 1 m, in the broadcast shape of the arguments.
+    """
+    return _loss_db(distance_m, absorption_db_per_km, 10 * spreading_factor)
+
+
+def source_level_db(
+    electrical_power_w: ArrayLike, efficiency: ArrayLike, directivity_index_db: ArrayLike = 0.0
+) -> Array:
+    """Source level SL = 170.8 + 10 log₁₀ P_elec + 10 log₁₀ η + DI (eq. `SL`).
+
+    Args:
+        electrical_power_w: electrical input power P_elec in W, above 0.
+        efficiency: electro-acoustic efficiency η, above 0.
+        directivity_index_db: DI in dB.
+
+    Returns:
+        SL in dB re 1 µPa at 1 m, in the broadcast shape of the arguments.
+
+    Raises:
+        ValueError: a power or an efficiency is not above 0.
+    """
+    xp, power, eta, di = as_arrays(electrical_power_w, efficiency, directivity_index_db)
+    require(power > 0, "electrical_power_w must be above 0")
+    require(eta > 0, "efficiency must be above 0")
+    return REFERENCE_LEVEL_DB + 10 * xp.log10(power) + 10 * xp.log10(eta) + di
+
+
+def electrical_power_w(
+    source_level_db: ArrayLike, efficiency: ArrayLike, directivity_index_db: ArrayLike = 0.0
+) -> Array:
+    """Electrical power that a source level takes: eq. `SL` solved for P_elec.
+
+    Args:
+        source_level_db: SL in dB re 1 µPa at 1 m.
+        efficiency: electro-acoustic efficiency η, above 0.
+        directivity_index_db: DI in dB.
+
+    Returns:
+        P_elec in W, in the broadcast shape of the arguments.
+
+    Raises:
+        ValueError: an efficiency is not above 0.
+    """
+    _, level, eta, di = as_arrays(source_level_db, efficiency, directivity_index_db)
+    require(eta > 0, "efficiency must be above 0")
+    return 10 ** ((level - REFERENCE_LEVEL_DB - di) / 10) / eta
+
+
+def received_level_db(
+    source_level_db: ArrayLike, attenuation_db: ArrayLike, noise_level_db: ArrayLike = 0.0
+) -> Array:
+    """Received level RL = SL − AL − NL (eq. `RL`).
+
+    The paper subtracts the noise level from the energy signal too; with
+    `noise_level_db=0` this is the passive sonar equation's RL = SL − TL.
+
+    Returns:
+        RL in dB re 1 µPa, in the broadcast shape of the arguments.
+    """
+    _, sl, al, nl = as_arrays(source_level_db, attenuation_db, noise_level_db)
+    return sl - al - nl
