@@ -1,0 +1,217 @@
+"""YAML files as layers: read, merged, and every value traced to its file and line."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from iout_marl.errors import InputError
+from iout_marl.scenario.sources import find_scenario
+
+#: A key's way down from the top of the scenario: names and list indices.
+KeyPath = tuple[str | int, ...]
+
+
+def show_path(path: KeyPath) -> str:
+    """`nodes.cells[2]` for ("nodes", "cells", 2)."""
+    text = ""
+    for key in path:
+        text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else str(key)
+    return text
+
+
+def show_file(path: Path) -> str:
+    """The shorter of a file's path as given and its path from here."""
+    relative = os.path.relpath(path)
+    return relative if len(relative) < len(str(path)) else str(path)
+
+
+@dataclass
+class Layer:
+    """Settings, and where each of them was written.
+
+    Attributes:
+        data: nested mappings, lists and scalars.
+        origins: for the path of every key and list item, `file:line` or the override
+            that wrote it.
+    """
+
+    data: dict[str, Any] = field(default_factory=dict)
+    origins: dict[KeyPath, str] = field(default_factory=dict)
+
+    def origin(self, path: KeyPath) -> str:
+        """Where `path` was written, or else the nearest key above it."""
+        for end in range(len(path), -1, -1):
+            if path[:end] in self.origins:
+                return self.origins[path[:end]]
+        return "scenario"
+
+    def over(self, base: Layer) -> Layer:
+        """This layer's settings over those of `base`.
+
+        Mappings merge key by key, all else replaces. A part whose `kind` changes
+        starts from that kind's defaults: the keys of the other kind mean nothing to it.
+        """
+        merged = Layer(dict(base.data), dict(base.origins))
+        _merge(merged.data, self.data, (), merged.origins, self.origins)
+        return merged
+
+
+def _merge(
+    base: dict[str, Any],
+    upper: Mapping[str, Any],
+    path: KeyPath,
+    origins: dict[KeyPath, str],
+    upper_origins: Mapping[KeyPath, str],
+) -> None:
+    if path in upper_origins:
+        origins[path] = upper_origins[path]
+    for key, value in upper.items():
+        here = (*path, key)
+        old = base.get(key)
+        if isinstance(old, dict) and isinstance(value, dict):
+            kind_changes = "kind" in value and value["kind"] != old.get("kind", value["kind"])
+            base[key] = {} if kind_changes else dict(old)
+            _merge(base[key], value, here, origins, upper_origins)
+        else:
+            base[key] = value
+            for place in [p for p in origins if p[: len(here)] == here]:
+                del origins[place]
+            for place, origin in upper_origins.items():
+                if place[: len(here)] == here:
+                    origins[place] = origin
+
+
+def read_file(path: Path) -> Layer:
+    """One YAML file as a layer, without what it extends.
+
+    Raises:
+        InputError: the file can not be read, is not YAML, or is not a mapping.
+    """
+    name = show_file(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise InputError(f"{name}: can not be read: {reason}") from None
+    tree = _parse(text, name)
+    layer = Layer(origins={(): name})
+    if tree is None:
+        return layer
+    if not isinstance(tree, CommentedMap):
+        raise InputError(f"{name}:1: a scenario must be a mapping of keys to values")
+    layer.data = _plain(tree, (), name, layer.origins)
+    return layer
+
+
+def _parse(text: str, name: str) -> Any:
+    # YAML 1.2, in which 1e-3 is a number; round-trip mode keeps the line numbers.
+    try:
+        return YAML(typ="rt", pure=True).load(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = f":{mark.line + 1}" if mark and "\n" in text else ""
+        problem = (error.problem or error.context or "malformed").splitlines()[0]
+        raise InputError(f"{name}{line}: broken YAML: {problem}") from None
+    except YAMLError as error:
+        first_line = str(error).strip().splitlines()[0]
+        raise InputError(f"{name}: broken YAML: {first_line}") from None
+
+
+def _plain(node: Any, path: KeyPath, name: str, origins: dict[KeyPath, str]) -> Any:
+    """ruamel's annotated tree as plain Python values; its line numbers go to `origins`."""
+    if isinstance(node, CommentedMap):
+        result = {}
+        for key, value in node.items():
+            if not isinstance(key, str):
+                line = node.lc.key(key)[0] + 1
+                raise InputError(f"{name}:{line}: {key!r} is no key: keys are words")
+            # Keys that came by a YAML merge (`<<`) have no position of their own.
+            position = node.lc.data.get(key) if node.lc.data else None
+            line = (position[0] if position else node.lc.line) + 1
+            origins[(*path, key)] = f"{name}:{line}"
+            result[key] = _plain(value, (*path, key), name, origins)
+        return result
+    if isinstance(node, CommentedSeq):
+        for i in range(len(node)):
+            origins[(*path, i)] = f"{name}:{node.lc.item(i)[0] + 1}"
+        return [_plain(value, (*path, i), name, origins) for i, value in enumerate(node)]
+    for scalar in (bool, int, float, str):
+        if isinstance(node, scalar):
+            # bool first: it is an int too. ruamel's own scalars keep their spelling.
+            return scalar(node)
+    return node
+
+
+def read_with_bases(source: str | Path, beside: Path | None = None) -> Layer:
+    """A scenario's file over all that it extends, the first base at the bottom.
+
+    Raises:
+        InputError: as `read_file`; a base is missing; a scenario extends itself.
+    """
+    path = find_scenario(source, beside)
+    return _read_chain(path, ())
+
+
+def _read_chain(path: Path, below: tuple[Path, ...]) -> Layer:
+    layer = read_file(path)
+    bases = layer.data.pop("extends", [])
+    if isinstance(bases, str):
+        bases = [bases]
+    where = layer.origin(("extends",))
+    if not isinstance(bases, list) or not all(isinstance(b, str) for b in bases):
+        raise InputError(f"{where}: extends: must be a scenario's name or path, or a list of them")
+    below = (*below, path.resolve())
+    merged = Layer()
+    for base in bases:
+        try:
+            base_path = find_scenario(base, beside=path)
+        except InputError as error:
+            raise InputError(f"{where}: extends: {error}") from None
+        if base_path.resolve() in below:
+            circle = " → ".join(p.stem for p in (*below, base_path))
+            raise InputError(f"{where}: extends: a scenario must not extend itself ({circle})")
+        merged = _read_chain(base_path, below).over(merged)
+    return layer.over(merged)
+
+
+def overrides_layer(overrides: Iterable[str] | Mapping[str, Any]) -> Layer:
+    """Dotted overrides as a layer.
+
+    Args:
+        overrides: `{"auvs.count": 3}`, or `["auvs.count=3"]` with values in YAML.
+
+    Raises:
+        InputError: an override is not of the form `key=value`, or its value is no YAML.
+    """
+    merged = Layer()
+    for key, value, origin in _pairs(overrides):
+        keys = tuple(key.split("."))
+        if not all(keys):
+            raise InputError(f"{origin}: the key must be dotted words, such as auvs.count")
+        data: Any = value
+        for part in reversed(keys):
+            data = {part: data}
+        origins = {keys[:end]: origin for end in range(1, len(keys) + 1)}
+        merged = Layer(data, origins).over(merged)
+    return merged
+
+
+def _pairs(overrides: Iterable[str] | Mapping[str, Any]) -> Iterable[tuple[str, Any, str]]:
+    if isinstance(overrides, Mapping):
+        for key, value in overrides.items():
+            yield key, value, f"override {key}"
+        return
+    for text in overrides:
+        key, equals, value = text.partition("=")
+        origin = f"--set {text}"
+        if not equals or not key:
+            raise InputError(f"{origin}: must be of the form key=value")
+        yield key.strip(), _plain(_parse(value, origin), (), origin, {}), origin

@@ -1,0 +1,198 @@
+"""From a name, a file or a mapping to a checked `Scenario`."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedSeq
+
+from iout_marl.errors import InputError, did_you_mean
+from iout_marl.scenario.layers import (
+    KeyPath,
+    Layer,
+    overrides_layer,
+    read_file,
+    read_with_bases,
+    show_path,
+)
+from iout_marl.scenario.schema import Scenario
+from iout_marl.scenario.sources import bundled_root, find_preset, find_scenario
+
+#: The training preset of a scenario that names none.
+DEFAULT_PRESET = "fast"
+
+
+def load_scenario(
+    source: str | Path | Mapping[str, Any] | Scenario,
+    overrides: Iterable[str] | Mapping[str, Any] = (),
+) -> Scenario:
+    """Load and check a scenario.
+
+    Args:
+        source: a bundled name (`paper/k10-fdd`), a path to a YAML file, a mapping with
+            the keys of a file, or a `Scenario`.
+        overrides: `["auvs.count=3", …]` or `{"auvs.count": 3, …}`, over the file.
+
+    Returns:
+        the scenario, with everything that it extends and its training preset filled in.
+
+    Raises:
+        InputError: one line with file, line, key and what was meant.
+    """
+    if isinstance(source, Scenario):
+        layer = Layer(source.model_dump(exclude_unset=False), {(): source.name})
+    elif isinstance(source, Mapping):
+        layer = _mapping_layer(source)
+    else:
+        layer = read_with_bases(source)
+        layer.data.setdefault("name", _name_of(find_scenario(source)))
+    layer = overrides_layer(overrides).over(layer)
+    return _validate(_with_preset(layer))
+
+
+def _mapping_layer(source: Mapping[str, Any]) -> Layer:
+    data = dict(source)
+    bases = data.pop("extends", [])
+    merged = Layer()
+    for base in [bases] if isinstance(bases, str) else bases:
+        merged = read_with_bases(base).over(merged)
+    return Layer(data, {(): "scenario"}).over(merged)
+
+
+def _name_of(path: Path) -> str:
+    path = path.resolve()
+    root = bundled_root().resolve()
+    if path.is_relative_to(root):
+        return path.relative_to(root).with_suffix("").as_posix()
+    return path.stem
+
+
+def _with_preset(layer: Layer) -> Layer:
+    """The training settings of the preset under those of the scenario.
+
+    A preset is a mapping of training settings. Its `cases` are a list of
+    `{when: {dotted key: value, …}, set: {…}}`: each whose conditions all hold in the
+    scenario is laid over what stands above it.
+    """
+    training = layer.data.get("training", {})
+    if not isinstance(training, dict):
+        return layer
+    name = training.get("preset", DEFAULT_PRESET)
+    path: KeyPath = ("training", "preset")
+    if not isinstance(name, str):
+        raise InputError(f"{layer.origin(path)}: training.preset: must be a word")
+    try:
+        preset = read_file(find_preset(name))
+    except InputError as error:
+        raise InputError(f"{layer.origin(path)}: training.preset: {error}") from None
+    cases = preset.data.pop("cases", [])
+    merged = _below("training", preset)
+    for i, case in enumerate(cases):
+        where = preset.origin(("cases", i))
+        if not isinstance(case, dict) or set(case) != {"when", "set"}:
+            raise InputError(f"{where}: cases: each must have the keys 'when' and 'set'")
+        if all(_value_at(layer.data, key) == value for key, value in case["when"].items()):
+            chosen = Layer(case["set"], {(): where, **dict.fromkeys(_paths(case["set"]), where)})
+            merged = _below("training", chosen).over(merged)
+    merged.data["training"]["preset"] = name
+    return layer.over(merged)
+
+
+def _paths(data: Mapping[str, Any]) -> list[KeyPath]:
+    return [(key,) for key in data]
+
+
+def _below(key: str, layer: Layer) -> Layer:
+    return Layer({key: layer.data}, {(key, *path): o for path, o in layer.origins.items()})
+
+
+def _value_at(data: Any, dotted: str) -> Any:
+    for key in dotted.split("."):
+        data = data.get(key) if isinstance(data, dict) else None
+    return data
+
+
+def _validate(layer: Layer) -> Scenario:
+    try:
+        return Scenario.model_validate(layer.data)
+    except ValidationError as error:
+        problems = error.errors(include_url=False)
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        raise InputError(_describe(problems[0], layer) + more) from None
+
+
+def _describe(problem: ErrorDetails, layer: Layer) -> str:
+    context = problem.get("ctx", {})
+    path = (*_without_tags(problem["loc"], layer.data), *context.get("path", ()))
+    message = problem["msg"]
+    kind = problem["type"]
+    given = problem["input"]
+    if kind == "missing":
+        message = "is missing"
+    elif kind == "union_tag_not_found":
+        path, message = (*path, "kind"), "is missing"
+    elif kind == "union_tag_invalid":
+        tags = [tag.strip(" '") for tag in context["expected_tags"].split(",")]
+        path = (*path, "kind")
+        message = f"unknown kind {context['tag']!r}{did_you_mean(str(context['tag']), tags)}"
+    elif kind == "literal_error":
+        choices = [c.strip(" '") for c in context["expected"].replace(" or ", ",").split(",")]
+        message = f"unknown value {given!r}{did_you_mean(str(given), choices)}"
+    elif kind == "finite_number":
+        message = f"must be a finite number, not {given}"
+    elif kind in ("model_type", "model_attributes_type", "dict_type"):
+        message = f"must be a mapping of keys to values, not {_short(given)}"
+    elif kind != "invalid":
+        message = f"{message.replace('Input should', 'must')}, not {_short(given)}"
+    return f"{layer.origin(path)}: {show_path(path)}: {message}"
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def _without_tags(location: tuple[str | int, ...], data: Any) -> KeyPath:
+    """pydantic's location of an error without the kinds that it puts behind a part's key."""
+    path: list[str | int] = []
+    for key in location:
+        if isinstance(data, dict) and key not in data and data.get("kind") == key:
+            continue
+        path.append(key)
+        if isinstance(data, dict):
+            data = data.get(str(key))
+        elif isinstance(data, list) and isinstance(key, int) and key < len(data):
+            data = data[key]
+        else:
+            data = None
+    return tuple(path)
+
+
+def to_yaml(scenario: Scenario) -> str:
+    """The whole scenario as YAML that `load_scenario` reads back."""
+    yaml = YAML(typ="rt", pure=True)
+    yaml.width = 100
+    yaml.representer.add_representer(
+        type(None), lambda r, _: r.represent_scalar("tag:yaml.org,2002:null", "null")
+    )
+    stream = io.StringIO()
+    yaml.dump(_with_short_lists(scenario.model_dump(mode="json")), stream)
+    return stream.getvalue()
+
+
+def _with_short_lists(data: Any) -> Any:
+    """The same data, with each list of scalars marked to stand in one line."""
+    if isinstance(data, dict):
+        return {key: _with_short_lists(value) for key, value in data.items()}
+    if isinstance(data, list):
+        items = CommentedSeq(_with_short_lists(value) for value in data)
+        if not any(isinstance(value, list | dict) for value in data):
+            items.fa.set_flow_style()
+        return items
+    return data
