@@ -1,0 +1,19 @@
+"""The world as a batched functional core: `State` and its transition."""
+
+from iout_marl.world.channel import Channel
+from iout_marl.world.grid import Grid
+from iout_marl.world.placement import node_codes, pin_layout, redraws_every_episode
+from iout_marl.world.state import Events, State
+from iout_marl.world.world import WORLD_VERSION, World
+
+__all__ = [
+    "WORLD_VERSION",
+    "Channel",
+    "Events",
+    "Grid",
+    "State",
+    "World",
+    "node_codes",
+    "pin_layout",
+    "redraws_every_episode",
+]

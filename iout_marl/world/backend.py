@@ -1,0 +1,47 @@
+"""What the arrays of a world are made of: library, floating type, device."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import array_api_compat
+import array_api_compat.numpy
+import numpy as np
+
+from iout_marl.physics.arrays import Array
+
+
+@dataclass(frozen=True)
+class Backend:
+    """An array library with the floating type and the device that a world uses.
+
+    Attributes:
+        xp: namespace of the array API standard.
+        dtype: floating type of ages, energies and rewards.
+        device: device of the library, or None for its default.
+    """
+
+    xp: Any
+    dtype: Any
+    device: Any = None
+
+    @classmethod
+    def of(cls, library: Any = np, dtype: str = "float64", device: Any = None) -> Backend:
+        """A backend from a library such as `numpy` or `torch`, or any namespace of the standard."""
+        sample = library.zeros(1) if hasattr(library, "zeros") else library.asarray([0.0])
+        # NumPy 2 follows the standard by itself: without the wrapper, steps cost less.
+        xp = np if library is np else array_api_compat.array_namespace(sample)
+        return cls(xp, getattr(xp, dtype), device)
+
+    def floats(self, values: Any) -> Array:
+        """`values` as a floating array."""
+        return self.xp.asarray(values, dtype=self.dtype, device=self.device)
+
+    def integers(self, values: Any) -> Array:
+        """`values` as an integer array, fit for indexing."""
+        return self.xp.asarray(values, dtype=self.xp.int64, device=self.device)
+
+    def zeros(self, shape: tuple[int, ...]) -> Array:
+        """Floating zeros."""
+        return self.xp.zeros(shape, dtype=self.dtype, device=self.device)

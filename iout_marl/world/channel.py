@@ -1,0 +1,95 @@
+"""The acoustic channel of a scenario: physics with the scenario's numbers filled in."""
+
+from __future__ import annotations
+
+from iout_marl import physics
+from iout_marl.physics.arrays import Array, ArrayLike
+from iout_marl.scenario import Fdd, PaperChannel, Scenario
+from iout_marl.scenario.schema import Absorption
+
+
+def absorption_db_per_km(absorption: Absorption, frequency_khz: ArrayLike) -> Array:
+    """α(f) by the formula that a scenario names."""
+    if absorption.kind == "thorp":
+        return physics.thorp_absorption_db_per_km(frequency_khz)
+    return physics.francois_garrison_absorption_db_per_km(
+        frequency_khz,
+        absorption.temperature_c,
+        absorption.salinity_psu,
+        absorption.depth_m,
+        absorption.ph,
+    )
+
+
+class Channel:
+    """What charging brings and an uplink costs, by distance.
+
+    Args:
+        scenario: the scenario, whose `channel.kind` chooses the convention (`table`,
+            `equation` or `sonar`) and whose `duplex` gives the frequencies.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        duplex = scenario.duplex
+        if isinstance(duplex, Fdd):
+            self.charging_frequency_khz = duplex.charging_frequency_khz
+            self.uplink_frequency_khz = duplex.uplink_frequency_khz
+        else:
+            self.charging_frequency_khz = self.uplink_frequency_khz = duplex.frequency_khz
+
+    def attenuation_db(self, distance_m: ArrayLike, frequency_khz: float) -> Array:
+        """Loss between source and receiver in dB, in the shape of `distance_m`."""
+        channel = self._scenario.channel
+        alpha = float(absorption_db_per_km(channel.absorption, frequency_khz))
+        if channel.kind == "table":
+            return physics.table_attenuation_db(distance_m, alpha, channel.spreading_factor)
+        return physics.transmission_loss_db(distance_m, alpha, channel.spreading_factor)
+
+    def harvested_power_w(self, distance_m: ArrayLike) -> Array:
+        """Power that a node harvests from an AUV `distance_m` away, in W."""
+        charging, harvester = self._scenario.charging, self._scenario.harvester
+        channel = self._scenario.channel
+        source_level = physics.source_level_db(
+            charging.power_w, charging.efficiency, charging.directivity_index_db
+        )
+        received = physics.received_level_db(
+            float(source_level),
+            self.attenuation_db(distance_m, self.charging_frequency_khz),
+            # The paper subtracts the noise from the energy signal; real noise adds power.
+            channel.noise_level_db if isinstance(channel, PaperChannel) else 0.0,
+        )
+        return physics.harvested_power_w(
+            received,
+            harvester.sensitivity_db,
+            harvester.load_resistance_ohm,
+            harvester.efficiency,
+            harvester.hydrophones,
+        )
+
+    def power_per_snr_w(self, distance_m: ArrayLike) -> Array:
+        """Power that a node `distance_m` away transmits with for an SNR of 1, in W."""
+        channel = self._scenario.channel
+        loss = self.attenuation_db(distance_m, self.uplink_frequency_khz)
+        if isinstance(channel, PaperChannel):
+            return physics.transmit_power_w(1.0, loss, channel.noise_level_db)
+        noise = physics.ambient_noise_band_level_db(
+            self.uplink_frequency_khz,
+            self._scenario.uplink.bandwidth_hz,
+            channel.shipping,
+            channel.wind_m_per_s,
+        )
+        return physics.sonar_transmit_power_w(
+            1.0, loss, noise, channel.uplink_efficiency, channel.uplink_directivity_index_db
+        )
+
+    def required_energy_j(self, power_per_snr_w: ArrayLike, uplink_s: ArrayLike) -> Array:
+        """Energy that an uplink of `uplink_s` seconds takes, in J.
+
+        Args:
+            power_per_snr_w: power for an SNR of 1, by `power_per_snr_w`.
+            uplink_s: duration in s, above 0.
+        """
+        uplink = self._scenario.uplink
+        snr = physics.required_snr(uplink.packet_bits, uplink_s, uplink.bandwidth_hz)
+        return physics.required_energy_j(snr * power_per_snr_w, uplink_s)

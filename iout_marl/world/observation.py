@@ -1,0 +1,151 @@
+"""What an AUV sees, and what a critic of all of them may see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.physics.arrays import Array
+from iout_marl.scenario import Scenario
+from iout_marl.world.backend import Backend
+from iout_marl.world.grid import Grid
+from iout_marl.world.link import Link
+from iout_marl.world.state import State
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Bounds of the entries of an observation, and what makes them of order one.
+
+    `scale` is what a network's input may be divided by, and `limit` where the quotient
+    may stop, since energies have no natural bound: past a few uplinks' worth, more
+    makes no difference.
+    """
+
+    low: npt.NDArray[np.float64]
+    high: npt.NDArray[np.float64]
+    scale: npt.NDArray[np.float64]
+    limit: float = 4.0
+
+
+class Observer:
+    """Builds observations: an AUV's position, the ages and the stored energies of the nodes.
+
+    Appended where the scenario says so: the nodes' positions, the share of the episode
+    that is over. Positions are counted from 1 as in the paper.
+
+    Args:
+        scenario: the scenario.
+        grid: its grid.
+        link: its links, which bound the energy and price it.
+        backend: arrays to work with.
+    """
+
+    def __init__(self, scenario: Scenario, grid: Grid, link: Link, backend: Backend) -> None:
+        self._settings = scenario.observation
+        self._xp = backend.xp
+        self._num_auvs = scenario.num_auvs
+        self._num_slots = scenario.num_slots
+        self._coordinates = backend.floats(grid.coordinate_table() + 1)
+        self._dtype = backend.dtype
+        self.price_j = _price_j(scenario, link)
+        self._last_cell = backend.floats([float(max(n - 1, 1)) for n in grid.shape])
+        self._maximum_age = float(scenario.age.maximum)
+        # All AUVs at the node, charging it alone through the whole episode.
+        best_slot_j = float(link.channel.harvested_power_w(0.0)) * scenario.slot_s
+        energy_bound_j = best_slot_j * scenario.num_slots * scenario.num_auvs
+        self.agent_ranges = self._agent_ranges(scenario, grid, energy_bound_j)
+        self.state_ranges = self._state_ranges(scenario, grid, energy_bound_j)
+
+    def observe(self, state: State) -> Array:
+        """Observations of every AUV: (envs, auvs, entries)."""
+        scaled = self._settings.kind == "scaled"
+        own = self._positions(state.cell, scaled=scaled)
+        age, energy = state.age, state.energy_j
+        if scaled:
+            age = age / self._maximum_age
+            energy = energy / (energy + self.price_j)
+        parts = [own, self._for_every_auv(age), self._for_every_auv(energy)]
+        if self._settings.node_positions:
+            nodes = self._positions(state.node_cell, scaled=scaled)
+            parts.append(self._for_every_auv(self._xp.reshape(nodes, (nodes.shape[0], -1))))
+        if self._settings.time:
+            parts.append(self._for_every_auv(self._time(state)))
+        return self._xp.concat(parts, axis=-1)
+
+    def observe_globally(self, state: State) -> Array:
+        """What a central critic sees, unscaled: (envs, entries).
+
+        Positions of all AUVs, ages, energies and deliveries of all nodes, positions of
+        the nodes, share of the episode that is over.
+        """
+        num_envs = state.cell.shape[0]
+        flat = [
+            self._xp.reshape(self._positions(cell, scaled=False), (num_envs, -1))
+            for cell in (state.cell, state.node_cell)
+        ]
+        parts = [flat[0], state.age, state.energy_j, state.deliveries, flat[1], self._time(state)]
+        return self._xp.concat(parts, axis=-1)
+
+    def _positions(self, cell: Array, *, scaled: bool) -> Array:
+        xyz = self._xp.take(self._coordinates, self._xp.reshape(cell, (-1,)), axis=0)
+        xyz = self._xp.reshape(xyz, (*cell.shape, 3))
+        return (xyz - 1) / self._last_cell if scaled else xyz
+
+    def _time(self, state: State) -> Array:
+        return self._xp.astype(state.slot, self._dtype)[:, None] / self._num_slots
+
+    def _for_every_auv(self, values: Array) -> Array:
+        """(envs, entries) as (envs, auvs, entries)."""
+        if self._num_auvs == 1:
+            return values[:, None, :]
+        shape = (values.shape[0], self._num_auvs, values.shape[1])
+        return self._xp.broadcast_to(values[:, None, :], shape)
+
+    def _agent_ranges(self, scenario: Scenario, grid: Grid, energy_bound_j: float) -> Ranges:
+        k, scaled = scenario.num_nodes, scenario.observation.kind == "scaled"
+        ones = np.ones(k)
+        size = np.array(grid.shape, dtype=np.float64)
+        cell = (np.zeros(3), np.ones(3), np.ones(3)) if scaled else (np.ones(3), size, size)
+        unit = (0 * ones, ones, ones)
+        amax = self._maximum_age
+        parts = [
+            cell,
+            unit if scaled else (ones, amax * ones, amax * ones),
+            unit if scaled else (0 * ones, energy_bound_j * ones, self.price_j * ones),
+        ]
+        if scenario.observation.node_positions:
+            parts += [cell] * k
+        if scenario.observation.time:
+            parts.append((np.zeros(1), np.ones(1), np.ones(1)))
+        return _joined(parts)
+
+    def _state_ranges(self, scenario: Scenario, grid: Grid, energy_bound_j: float) -> Ranges:
+        k, m, slots = scenario.num_nodes, scenario.num_auvs, float(scenario.num_slots)
+        ones = np.ones(k)
+        size = np.array(grid.shape, dtype=np.float64)
+        cell = (np.ones(3), size, size)
+        return _joined(
+            [
+                *[cell] * m,
+                (ones, self._maximum_age * ones, self._maximum_age * ones),
+                (0 * ones, energy_bound_j * ones, self.price_j * ones),
+                (0 * ones, slots * ones, slots / k * ones),
+                *[cell] * k,
+                (np.zeros(1), np.ones(1), np.ones(1)),
+            ]
+        )
+
+
+def _joined(parts: list[tuple[npt.NDArray[np.float64], ...]]) -> Ranges:
+    low, high, scale = (np.concatenate([part[i] for part in parts]) for i in range(3))
+    return Ranges(low, high, scale)
+
+
+def _price_j(scenario: Scenario, link: Link) -> float:
+    """Energy of an uplink over half the grid's diagonal: the yardstick for stored energy."""
+    half_diagonal = 0.5 * scenario.grid.spacing_m * np.linalg.norm(scenario.grid.cells)
+    power_per_snr_w = link.channel.power_per_snr_w(float(half_diagonal))
+    return float(link.channel.required_energy_j(power_per_snr_w, link.slot_s))

@@ -1,0 +1,54 @@
+"""Where the nodes lie at the start of an episode."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.scenario import FixedNodes, RandomNodes, Scenario
+from iout_marl.world.grid import Grid
+
+
+def draw_cells(grid: Grid, count: int, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+    """Coordinates from 0 of `count` different cells, (count, 3), drawn uniformly."""
+    return grid.all_coordinates()[rng.choice(grid.num_cells, size=count, replace=False)]
+
+
+def node_codes(
+    scenario: Scenario, grid: Grid, rngs: Sequence[np.random.Generator]
+) -> npt.NDArray[np.int64]:
+    """Codes of the nodes' cells for an episode of each environment, (envs, nodes).
+
+    Args:
+        scenario: the scenario.
+        grid: its grid.
+        rngs: the stream of each environment, or one for all of them in turn. Streams
+            are drawn from only where the scenario places nodes at random.
+    """
+    nodes = scenario.nodes
+    if isinstance(nodes, FixedNodes):
+        given = grid.encode(np.array(nodes.cells[: scenario.num_nodes]) - 1)
+        return np.tile(given, (len(rngs), 1))
+    return np.stack([grid.encode(draw_cells(grid, nodes.count, rng)) for rng in rngs])
+
+
+def redraws_every_episode(scenario: Scenario) -> bool:
+    """Whether the nodes lie elsewhere in each episode."""
+    return isinstance(scenario.nodes, RandomNodes) and scenario.nodes.redraw == "episode"
+
+
+def pin_layout(scenario: Scenario, seed: int) -> Scenario:
+    """The scenario with a layout that is drawn once for a run drawn and written into it.
+
+    Other scenarios come back as they are. A run pins its scenario by its seed before
+    it starts, so that whatever reads the run later finds the nodes where they were.
+    """
+    nodes = scenario.nodes
+    if not isinstance(nodes, RandomNodes) or nodes.redraw != "run":
+        return scenario
+    grid = Grid(scenario.grid.cells)
+    cells = draw_cells(grid, nodes.count, np.random.default_rng(seed)) + 1
+    fixed = FixedNodes(cells=tuple(map(tuple, cells.tolist())), weights=nodes.weights)
+    return scenario.model_copy(update={"nodes": fixed})

@@ -1,0 +1,125 @@
+"""Rewards, term by term. Every term is negative where it hurts; the reward is their sum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from iout_marl.physics.arrays import Array
+from iout_marl.scenario import MeanAgeReward, PaperReward, Scenario
+from iout_marl.world.backend import Backend
+from iout_marl.world.link import Link
+from iout_marl.world.nodes import NodeAxis
+from iout_marl.world.state import Events, State
+
+
+class Reward(Protocol):
+    """A reward part.
+
+    Attributes:
+        terms: names of its terms, in order.
+    """
+
+    terms: tuple[str, ...]
+
+    def __call__(self, state: State, events: Events) -> Mapping[str, Array]:
+        """The terms of a slot's reward, (envs, auvs) each.
+
+        Args:
+            state: the state after the slot.
+            events: what happened in it.
+        """
+        ...
+
+
+class MeanAge:
+    """r = −(1/K) Σ δ_k A_k, alike for every AUV."""
+
+    terms: tuple[str, ...] = ("age",)
+
+    def __init__(self, scenario: Scenario, nodes: NodeAxis, backend: Backend) -> None:
+        self._weights = backend.floats([w / scenario.num_nodes for w in scenario.node_weights])
+        self._nodes = nodes
+
+    def weighted_age(self, state: State) -> Array:
+        """(1/K) Σ δ_k A_k, (envs,)."""
+        return state.age @ self._weights
+
+    def __call__(self, state: State, events: Events) -> Mapping[str, Array]:  # noqa: ARG002
+        return {"age": self._nodes.alike(-self.weighted_age(state))}
+
+
+class Paper:
+    """r = −(w 𝒟/K Σ δ_k A_k + ρ) with 𝒟 = 1 − J (eq. `reward function`).
+
+    Ages and fairness are those of the network, alike for every AUV; the penalties ρ
+    (eq. `penalty term`) are each AUV's own.
+    """
+
+    def __init__(
+        self,
+        settings: PaperReward,
+        scenario: Scenario,
+        link: Link,
+        nodes: NodeAxis,
+        backend: Backend,
+    ) -> None:
+        self._settings = settings
+        self._link = link
+        self._nodes = nodes
+        self._xp = backend.xp
+        self._mean_age = MeanAge(scenario, nodes, backend)
+        self._is_fdd = scenario.duplex.kind == "fdd"
+        #: Each penalty as a reward, and none.
+        self._none = backend.floats(0.0)
+        self._location = backend.floats(-settings.location_penalty)
+        self._no_able_node = backend.floats(-settings.no_able_node_penalty)
+        self._wrong_node = backend.floats(-settings.wrong_node_penalty)
+        self._only_charging = backend.floats(-settings.only_charging_penalty)
+        self._only_transmitting = backend.floats(-settings.only_transmitting_penalty)
+        self._occurrence = backend.floats(-settings.occurrence_penalty)
+        self._ideal_deliveries = scenario.num_slots / scenario.num_nodes
+        self.terms: tuple[str, ...] = ("age", "location", "information", "occurrence")
+        if settings.unserved_penalty:
+            self.terms += ("unserved",)
+
+    def __call__(self, state: State, events: Events) -> Mapping[str, Array]:
+        settings, xp, nodes = self._settings, self._xp, self._nodes
+        age = -settings.age_weight * (1 - state.jain) * self._mean_age.weighted_age(state)
+        served = nodes.chosen(state.deliveries, events.heard)
+        overserved = events.delivered & (served > self._ideal_deliveries)
+        terms = {
+            "age": nodes.alike(age),
+            "location": xp.where(events.left_grid, self._location, self._none),
+            "information": self._fdd(state, events) if self._is_fdd else self._tdd(events),
+            "occurrence": xp.where(overserved, self._occurrence, self._none),
+        }
+        if settings.unserved_penalty:
+            unserved = nodes.sum(xp.astype(state.deliveries == 0, state.age.dtype))
+            terms["unserved"] = nodes.alike(-settings.unserved_penalty * unserved)
+        return terms
+
+    def _fdd(self, state: State, events: Events) -> Array:
+        """Eq. `penalty for missed information fdd`: no node, or the wrong one, heard."""
+        settings, xp, link = self._settings, self._xp, self._link
+        penalty = self._wrong_node
+        if settings.no_able_node_penalty != settings.wrong_node_penalty:
+            offset = link.offset(state.cell[:, :, None], state.node_cell[:, None, :])
+            able = events.payable_j[:, None, :] > link.at(link.slot_uplink_j, offset)
+            penalty = xp.where(xp.any(able, axis=2), penalty, self._no_able_node)
+        return xp.where(events.delivered, self._none, penalty)
+
+    def _tdd(self, events: Events) -> Array:
+        """Eq. `penalty for missed information tdd`: only charging, or only transmitting."""
+        xp = self._xp
+        penalty = xp.where(events.beta == 1, self._only_charging, self._none)
+        if self._settings.only_transmitting_penalty:
+            penalty = xp.where(events.beta == 0, self._only_transmitting, penalty)
+        return penalty
+
+
+def make_reward(scenario: Scenario, link: Link, nodes: NodeAxis, backend: Backend) -> Reward:
+    """The reward part that a scenario names."""
+    if isinstance(scenario.reward, MeanAgeReward):
+        return MeanAge(scenario, nodes, backend)
+    return Paper(scenario.reward, scenario, link, nodes, backend)

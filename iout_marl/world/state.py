@@ -1,0 +1,45 @@
+"""What the world is at a moment, and what happened in a slot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+from iout_marl.physics.arrays import Array
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A batch of environments between two slots. Shapes are (envs, auvs, nodes) in this order."""
+
+    slot: Array  # (envs,) int: slots that are over
+    cell: Array  # (envs, auvs) int: code of each AUV's cell, see `Grid`
+    node_cell: Array  # (envs, nodes) int: code of each node's cell
+    age: Array  # (envs, nodes) float, slots: Age of Information A_k
+    energy_j: Array  # (envs, nodes) float, J: energy stored
+    deliveries: Array  # (envs, nodes) float, count: packets delivered so far, D_t(k)
+    mean_age: Array  # (envs,) float, slots: mean age over nodes, (1/K) Σ A_k
+    jain: Array  # (envs,) float: Jain's index of the deliveries so far, J_t
+    age_sum: Array  # (envs,) float, slots: mean age over nodes, summed over slots
+    peak_age: Array  # (envs,) float, slots: highest age of any node in any slot
+    capped_ages: Array  # (envs,) float, count: node-slots in which an age would pass A_max
+    harvested_j: Array  # (envs,) float, J: energy harvested by all nodes so far
+    spent_j: Array  # (envs,) float, J: energy spent on uplinks by all nodes so far
+
+    def map(self, function: Callable[[Array], Array]) -> State:
+        """The state with `function` applied to every array."""
+        return State(**{f.name: function(getattr(self, f.name)) for f in fields(State)})
+
+
+@dataclass(frozen=True, slots=True)
+class Events:
+    """What each AUV did in a slot, and what came of it."""
+
+    left_grid: Array  # (envs, auvs) bool: tried to leave the grid
+    charged: Array  # (envs, auvs) int: node charged
+    heard: Array  # (envs, auvs) int: node asked for its data
+    beta: Array  # (envs, auvs) float: TDD's share of the slot for charging; 0 in FDD
+    harvested_j: Array  # (envs, auvs) float, J: energy the node charged has harvested
+    payable_j: Array  # (envs, nodes) float, J: energy stored when the uplinks begin
+    delivered: Array  # (envs, auvs) bool: the node heard has delivered its packet
+    spent_j: Array  # (envs, auvs) float, J: energy the node heard has spent

@@ -1,0 +1,219 @@
+"""The world: reset and step of a batch of environments, as pure functions of `State`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.physics.arrays import Array
+from iout_marl.scenario import Scenario
+from iout_marl.world.age import advance, jain_index
+from iout_marl.world.backend import Backend
+from iout_marl.world.charging import charge
+from iout_marl.world.duplex import make_duplex
+from iout_marl.world.grid import Grid
+from iout_marl.world.link import Link
+from iout_marl.world.mask import ActionMask
+from iout_marl.world.motion import Motion
+from iout_marl.world.nodes import NodeAxis
+from iout_marl.world.observation import Observer
+from iout_marl.world.reward import make_reward
+from iout_marl.world.state import Events, State
+from iout_marl.world.uplink import settle
+
+#: Changes whenever the same scenario, seed and actions would lead elsewhere.
+WORLD_VERSION = 0
+
+
+class World:
+    """A scenario as a batch of environments.
+
+    One slot is: move → charge → uplink → age → reward → observe. The world holds tables
+    and constants only; what changes lies in the `State` that goes in and comes out.
+
+    Args:
+        scenario: the scenario.
+        num_envs: environments in the batch.
+        library: array library, such as `numpy` (default) or `torch`.
+        dtype: floating type, `float64` or `float32`.
+        device: device of the library, or None for its default.
+
+    Attributes:
+        num_envs, num_auvs, num_nodes, num_slots: sizes of the batch, of the fleet, of the
+            network, of an episode.
+        action_sizes: number of choices of each entry of an AUV's action: (directions, K, K)
+            in FDD, (directions, K) in TDD.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        num_envs: int = 1,
+        library: Any = np,
+        dtype: str = "float64",
+        device: Any = None,
+    ) -> None:
+        self.scenario = scenario
+        self.num_envs = num_envs
+        self.num_auvs = scenario.num_auvs
+        self.num_nodes = scenario.num_nodes
+        self.num_slots = scenario.num_slots
+        self.backend = backend = Backend.of(library, dtype, device)
+        self.grid = Grid(scenario.grid.cells)
+        self.link = Link(scenario, self.grid, backend)
+        self.motion = Motion(self.grid, scenario.auvs.motion, backend)
+        self.nodes = NodeAxis(num_envs, self.num_auvs, self.num_nodes, backend)
+        self.duplex = make_duplex(scenario, self.link, (num_envs, self.num_auvs), backend)
+        self.reward_part = make_reward(scenario, self.link, self.nodes, backend)
+        self.observer = Observer(scenario, self.grid, self.link, backend)
+        self.action_mask = ActionMask(scenario, self.link, self.motion, backend)
+        self.action_sizes = (
+            self.motion.num_directions,
+            *(self.num_nodes,) * self.duplex.num_choices,
+        )
+        self._start = self.grid.encode(
+            np.array(scenario.auvs.start_cells[: self.num_auvs], dtype=np.int64) - 1
+        )
+        self._maximum_age = backend.floats(float(scenario.age.maximum))
+        self._zero = backend.floats(0.0)
+
+    def reset(self, node_cell: npt.NDArray[np.int64]) -> State:
+        """The first state of an episode of every environment.
+
+        Args:
+            node_cell: (envs, nodes) codes of the nodes' cells, as drawn by
+                `placement.node_codes`.
+        """
+        backend, envs = self.backend, (self.num_envs,)
+        nodes = (self.num_envs, self.num_nodes)
+        return State(
+            slot=backend.integers(np.zeros(envs, dtype=np.int64)),
+            cell=backend.integers(np.tile(self._start, (self.num_envs, 1))),
+            node_cell=backend.integers(node_cell),
+            age=backend.zeros(nodes) + float(self.scenario.age.initial),
+            energy_j=backend.zeros(nodes),
+            deliveries=backend.zeros(nodes),
+            mean_age=backend.zeros(envs) + float(self.scenario.age.initial),
+            jain=backend.zeros(envs),
+            age_sum=backend.zeros(envs),
+            peak_age=backend.zeros(envs),
+            capped_ages=backend.zeros(envs),
+            harvested_j=backend.zeros(envs),
+            spent_j=backend.zeros(envs),
+        )
+
+    def step(self, state: State, action: Array) -> tuple[State, Events]:
+        """One slot of every environment.
+
+        Args:
+            state: the state before the slot.
+            action: (envs, auvs, entries) int: direction, node charged, node heard (FDD),
+                or direction, node (TDD), each below its `action_sizes`.
+
+        Returns:
+            the state after the slot, and what happened in it.
+        """
+        xp, link, nodes = self.backend.xp, self.link, self.nodes
+        charged, heard = action[..., 1], action[..., -1]
+
+        cell, left_grid = self.motion.move(state.cell, action[..., 0])
+
+        heard_offset = link.offset(cell, nodes.chosen(state.node_cell, heard))
+        heard_hot = nodes.one_hot(heard)
+        if self.duplex.num_choices == 1:
+            charged_offset, charged_hot = heard_offset, heard_hot
+        else:
+            charged_offset = link.offset(cell, nodes.chosen(state.node_cell, charged))
+            charged_hot = nodes.one_hot(charged)
+
+        stored_j = nodes.chosen(state.energy_j, heard)
+        split = self.duplex.split(charged_offset, heard_offset, stored_j)
+        harvested_j = charge(link, charged_offset, split)
+        payable_j = state.energy_j + nodes.total(charged_hot, harvested_j)
+
+        sends = self.duplex.sends(split, nodes.chosen(payable_j, heard))
+        delivered = settle(xp, sends, heard, link.at(link.distance_m, heard_offset))
+        spent_j = xp.where(delivered, split.required_j, self._zero)
+        # At the root of the energy balance a rounding may leave less than nothing.
+        energy_j = xp.maximum(payable_j - nodes.total(heard_hot, spent_j), self._zero)
+
+        served = nodes.any(heard_hot, delivered)
+        age, cut_short = advance(xp, state.age, served, self._maximum_age)
+        mean_age = nodes.mean(age)
+        deliveries = state.deliveries + served
+
+        new_state = State(
+            slot=state.slot + 1,
+            cell=cell,
+            node_cell=state.node_cell,
+            age=age,
+            energy_j=energy_j,
+            deliveries=deliveries,
+            mean_age=mean_age,
+            jain=jain_index(
+                xp, nodes.sum(deliveries), nodes.sum(deliveries * deliveries), self.num_nodes
+            ),
+            age_sum=state.age_sum + mean_age,
+            peak_age=xp.maximum(state.peak_age, xp.max(age, axis=-1)),
+            capped_ages=state.capped_ages + nodes.sum(cut_short),
+            harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
+            spent_j=state.spent_j + _over_auvs(xp, spent_j),
+        )
+        events = Events(
+            left_grid=left_grid,
+            charged=charged,
+            heard=heard,
+            beta=split.beta,
+            harvested_j=harvested_j,
+            payable_j=payable_j,
+            delivered=delivered,
+            spent_j=spent_j,
+        )
+        return new_state, events
+
+    def reward_terms(self, state: State, events: Events) -> Mapping[str, Array]:
+        """The terms of a slot's reward, (envs, auvs) each; `state` is that after the slot."""
+        return self.reward_part(state, events)
+
+    def reward(self, state: State, events: Events) -> Array:
+        """A slot's reward, (envs, auvs); `state` is that after the slot."""
+        total, *others = self.reward_terms(state, events).values()
+        for term in others:
+            total = total + term
+        return total
+
+    def observe(self, state: State) -> Array:
+        """Observations of every AUV, (envs, auvs, entries), in the world's floating type."""
+        return self.observer.observe(state)
+
+    def metrics(self, state: State) -> dict[str, Array]:
+        """What an episode is judged by, up to `state`: (envs,) each.
+
+        `mean_aoi` averages over nodes and over the slots that are over; `final_aoi` is
+        the mean over nodes now, `peak_aoi` the highest age of any node in any slot;
+        `uplink_success` the share of AUVs' slots that delivered a packet;
+        `age_violations` counts node-slots in which an age would have passed A_max, and
+        `jain_violation` is 1 where J lies below J_min.
+        """
+        xp = self.backend.xp
+        slots = xp.maximum(xp.astype(state.slot, state.age.dtype), self.backend.floats(1.0))
+        below = state.jain < self.scenario.fairness.minimum_jain
+        return {
+            "mean_aoi": state.age_sum / slots,
+            "final_aoi": state.mean_age,
+            "peak_aoi": state.peak_age,
+            "jain": state.jain,
+            "harvested_kj": state.harvested_j / 1000,
+            "spent_kj": state.spent_j / 1000,
+            "uplink_success": self.nodes.sum(state.deliveries) / (slots * self.num_auvs),
+            "age_violations": state.capped_ages,
+            "jain_violation": xp.astype(below, state.age.dtype),
+        }
+
+
+def _over_auvs(xp: Any, values: Array) -> Array:
+    """Sum over AUVs: (envs, auvs) to (envs,)."""
+    return values[:, 0] if values.shape[1] == 1 else xp.sum(values, axis=1)

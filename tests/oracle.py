@@ -1,0 +1,366 @@
+"""The world a second time, in scalars and loops, for tests to hold the package against.
+
+Written from the equations of the paper alone (arXiv 2601.08491; the labels below are
+those of its source) and the readings that make them reproduce its tables. It shares
+nothing with the package but the `Scenario`, from which it takes its numbers. Slow on
+purpose: one episode at a time, one node after the other.
+
+Cells are tuples (x, y, z) counted from 1; nodes, AUVs and directions count from 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from iout_marl.scenario import Scenario
+
+    Cell = tuple[int, int, int]
+
+#: Steps +x, −x, +y, −y, +z, −z, in the order of eq. `direction`.
+STEPS = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+
+
+def thorp(f: float) -> float:
+    """α in dB/km at f kHz, eq. `alpha(f)`."""
+    return 0.11 * f**2 / (f**2 + 1) + 44 * f**2 / (f**2 + 4100) + 2.75e-4 * f**2 + 0.003
+
+
+def francois_garrison(f: float, t: float, s: float, depth: float, ph: float) -> float:
+    """α in dB/km at f kHz, after Francois and Garrison (JASA 72, 1982), part II.
+
+    Boric acid, magnesium sulphate and pure water, each a factor for the amount, one
+    for the pressure and, but for water, a relaxation frequency in kHz.
+    """
+    c = 1412 + 3.21 * t + 1.19 * s + 0.0167 * depth
+    boric = 8.86 / c * 10 ** (0.78 * ph - 5)
+    boric_khz = 2.8 * math.sqrt(s / 35) * 10 ** (4 - 1245 / (273 + t))
+    sulphate = 21.44 * s / c * (1 + 0.025 * t) * (1 - 1.37e-4 * depth + 6.2e-9 * depth**2)
+    sulphate_khz = 8.17 * 10 ** (8 - 1990 / (273 + t)) / (1 + 0.0018 * (s - 35))
+    if t <= 20:
+        water = 4.937e-4 - 2.59e-5 * t + 9.11e-7 * t**2 - 1.50e-8 * t**3
+    else:
+        water = 3.964e-4 - 1.146e-5 * t + 1.45e-7 * t**2 - 6.5e-10 * t**3
+    water *= 1 - 3.83e-5 * depth + 4.9e-10 * depth**2
+    return (
+        boric * boric_khz * f**2 / (boric_khz**2 + f**2)
+        + sulphate * sulphate_khz * f**2 / (sulphate_khz**2 + f**2)
+        + water * f**2
+    )
+
+
+def ambient_noise_db(f: float, shipping: float, wind_m_per_s: float) -> float:
+    """Wenz's noise at f kHz after Coates, in dB re 1 µPa²/Hz."""
+    parts = (
+        17 - 30 * math.log10(f),  # turbulence
+        40 + 20 * (shipping - 0.5) + 26 * math.log10(f) - 60 * math.log10(f + 0.03),
+        50 + 7.5 * math.sqrt(wind_m_per_s) + 20 * math.log10(f) - 40 * math.log10(f + 0.4),
+        -15 + 20 * math.log10(f),  # thermal
+    )
+    return 10 * math.log10(sum(10 ** (part / 10) for part in parts))
+
+
+def integral(function: Callable[[float], float], low: float, high: float) -> float:
+    """Simpson's rule in 1000 strips."""
+    strip = (high - low) / 1000
+    inner = sum((4 if i % 2 else 2) * function(low + i * strip) for i in range(1, 1000))
+    return (function(low) + inner + function(high)) * strip / 3
+
+
+def sign_change(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where `function` changes its sign between `low` and `high`, by bisection."""
+    sign = function(low) > 0
+    for _ in range(55):
+        middle = (low + high) / 2
+        if (function(middle) > 0) == sign:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def summit(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where the concave `function` is highest between `low` and `high`, by thirds."""
+    for _ in range(60):
+        left, right = low + (high - low) / 3, high - (high - low) / 3
+        if function(left) < function(right):
+            low = left
+        else:
+            high = right
+    return max((low, high), key=function)
+
+
+class Sound:
+    """Energies that the channel of a scenario carries over a distance d in m."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        duplex, channel, uplink = scenario.duplex, scenario.channel, scenario.uplink
+        fdd = duplex.kind == "fdd"
+        self.charging_khz = duplex.charging_frequency_khz if fdd else duplex.frequency_khz
+        self.uplink_khz = duplex.uplink_frequency_khz if fdd else duplex.frequency_khz
+        self.absorption_db_per_km = {f: self.alpha(f) for f in (self.charging_khz, self.uplink_khz)}
+        if channel.kind == "sonar":
+            half_khz = uplink.bandwidth_hz / 2000
+
+            def density(f: float) -> float:
+                return 10 ** (ambient_noise_db(f, channel.shipping, channel.wind_m_per_s) / 10)
+
+            band = integral(density, self.uplink_khz - half_khz, self.uplink_khz + half_khz)
+            self.noise_level_db = 10 * math.log10(band * 1000)  # the band in Hz, not kHz
+        else:
+            self.noise_level_db = channel.noise_level_db
+
+    def alpha(self, f: float) -> float:
+        """α in dB/km at f kHz, in the water of the scenario."""
+        water = self.scenario.channel.absorption
+        if water.kind == "thorp":
+            return thorp(f)
+        t, s = water.temperature_c, water.salinity_psu
+        return francois_garrison(f, t, s, water.depth_m, water.ph)
+
+    def attenuation_db(self, d: float, f: float) -> float:
+        """AL: eq. `AL`; `table` without its factor 10, as the appendix has it."""
+        factor = 1 if self.scenario.channel.kind == "table" else 10
+        spreading = 0.0
+        if d > 1:
+            spreading = self.scenario.channel.spreading_factor * factor * math.log10(d)
+        return spreading + self.absorption_db_per_km[f] * d / 1000
+
+    def harvested_j(self, d: float, duration_s: float) -> float:
+        """Eqs. `SL`, `RL`, `p harvested` and `E harvested`, for all hydrophones."""
+        source, harvester = self.scenario.charging, self.scenario.harvester
+        sl = 170.8 + 10 * math.log10(source.power_w) + 10 * math.log10(source.efficiency)
+        sl += source.directivity_index_db
+        rl = sl - self.attenuation_db(d, self.charging_khz)
+        if self.scenario.channel.kind != "sonar":
+            rl -= self.noise_level_db
+        available_w = 10 ** ((rl + harvester.sensitivity_db) / 10)
+        available_w /= 4 * harvester.load_resistance_ohm
+        return harvester.hydrophones * harvester.efficiency * available_w * duration_s
+
+    def required_j(self, d: float, duration_s: float) -> float:
+        """Eqs. `snr`, `p transmit` and `E transmited`; `sonar` through a real projector."""
+        uplink, channel = self.scenario.uplink, self.scenario.channel
+        throughput = uplink.packet_bits / duration_s
+        snr = 2 ** (throughput / uplink.bandwidth_hz) - 1
+        level = self.attenuation_db(d, self.uplink_khz) + self.noise_level_db
+        if channel.kind == "sonar":
+            level -= 170.8 + channel.uplink_directivity_index_db
+            return snr * 10 ** (level / 10) / channel.uplink_efficiency * duration_s
+        return snr * 10 ** (level / 10) * duration_s
+
+
+@dataclass
+class Slot:
+    """What one AUV did in one slot."""
+
+    charged: int
+    heard: int
+    left_grid: bool = False
+    beta: float = 0.0
+    harvested_j: float = 0.0
+    delivered: bool = False
+    spent_j: float = 0.0
+    #: A node could have paid an uplink to this AUV, after charging.
+    some_node_able: bool = False
+    #: Two or more AUVs took this node's uplink, among them this one.
+    contested: bool = False
+
+
+class Oracle:
+    """One episode of a scenario with its nodes at `node_cells`."""
+
+    def __init__(self, scenario: Scenario, node_cells: Sequence[Cell]) -> None:
+        self.scenario, self.sound = scenario, Sound(scenario)
+        self.node_cells = [tuple(cell) for cell in node_cells]
+        self.auv_cells = [tuple(cell) for cell in scenario.auvs.start_cells[: scenario.num_auvs]]
+        self.nodes, self.auvs = range(scenario.num_nodes), range(scenario.num_auvs)
+        self.slot = 0
+        self.age = [scenario.age.initial for _ in self.nodes]
+        self.energy_j = [0.0 for _ in self.nodes]
+        self.deliveries = [0 for _ in self.nodes]
+        self.harvested_j = self.spent_j = 0.0
+        self.age_sum = 0.0  # over the slots, of the mean over the nodes
+        self.peak_age = self.capped_ages = 0
+        self.events: list[Slot] = []
+
+    def squared_cells(self, auv: int, node: int) -> int:
+        """Squared distance in cells: whole numbers, in which equal distances are equal."""
+        (x, y, z), (u, v, w) = self.auv_cells[auv], self.node_cells[node]
+        return (x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2
+
+    def distance_m(self, auv: int, node: int) -> float:
+        return math.sqrt(self.squared_cells(auv, node)) * self.scenario.grid.spacing_m
+
+    def step(self, action: Sequence[Sequence[int]]) -> None:
+        """One slot: move, charge, uplink, age. `action` has (direction, nodes…) per AUV."""
+        self.events = [Slot(charged=a[1], heard=a[-1]) for a in action]
+        for auv, (direction, *_) in enumerate(action):
+            self.move(auv, direction)
+        if self.scenario.duplex.kind == "tdd":
+            for auv, event in enumerate(self.events):
+                event.beta = self.splitting(auv, event.charged)
+        self.charge()
+        able = self.able()
+        for auv, event in enumerate(self.events):
+            event.some_node_able = any(able[auv])
+        self.uplink(able)
+        self.grow_older()
+        self.slot += 1
+
+    def move(self, auv: int, direction: int) -> None:
+        """Eq. `direction`; a move out of the grid leaves the AUV where it is."""
+        pairs = zip(self.auv_cells[auv], STEPS[direction], strict=True)
+        target = tuple(c + step for c, step in pairs)
+        if all(1 <= c <= n for c, n in zip(target, self.scenario.grid.cells, strict=True)):
+            self.auv_cells[auv] = target
+        else:
+            self.events[auv].left_grid = True
+
+    def splitting(self, auv: int, node: int) -> float:
+        """β, from the energy stored at the start of the slot (TDD).
+
+        E_harv(β) − E_req(β) is concave in β. Of two roots the smaller one counts.
+        """
+        duplex, tau = self.scenario.duplex, self.scenario.slot_s
+        d, stored = self.distance_m(auv, node), self.energy_j[node]
+        low, high = duplex.beta_min, duplex.beta_max
+        suffices = stored > self.sound.required_j(d, tau)
+        credit = stored if duplex.beta_rule == "stored" else 0.0
+
+        def surplus(beta: float) -> float:
+            harvested = self.sound.harvested_j(d, beta * tau)
+            return credit + harvested - self.sound.required_j(d, (1 - beta) * tau)
+
+        best = summit(surplus, low, high)
+        if duplex.beta_rule == "stored":
+            if suffices:
+                return 0.0
+            if surplus(low) >= 0:
+                return low
+            return sign_change(surplus, low, best) if surplus(best) >= 0 else 1.0
+        if surplus(low) <= 0 <= surplus(best):
+            return sign_change(surplus, low, best)
+        return 0.0 if suffices else 1.0
+
+    def charge(self) -> None:
+        """Eq. `energy updating`, e_r: a node takes from every AUV that charges it."""
+        tau = self.scenario.slot_s
+        fdd = self.scenario.duplex.kind == "fdd"
+        for auv, event in enumerate(self.events):
+            duration_s = tau if fdd else event.beta * tau
+            d = self.distance_m(auv, event.charged)
+            event.harvested_j = self.sound.harvested_j(d, duration_s)
+            self.energy_j[event.charged] += event.harvested_j
+            self.harvested_j += event.harvested_j
+
+    def able(self) -> list[list[bool]]:
+        """For every AUV and node: could the node pay an uplink over a whole slot?"""
+        tau = self.scenario.slot_s
+
+        def pays(auv: int, node: int) -> bool:
+            return self.energy_j[node] > self.sound.required_j(self.distance_m(auv, node), tau)
+
+        return [[pays(auv, node) for node in self.nodes] for auv in self.auvs]
+
+    def uplink(self, able: list[list[bool]]) -> None:
+        """Each node delivers at most once, to the nearest AUV that hears it; it pays e_c."""
+        tau, fdd = self.scenario.slot_s, self.scenario.duplex.kind == "fdd"
+        for node in self.nodes:
+            takers = []
+            for auv, event in enumerate(self.events):
+                sends = able[auv][node] if fdd else event.beta < 1
+                if event.heard == node and sends:
+                    takers.append((self.squared_cells(auv, node), auv))
+            if not takers:
+                continue
+            for _, auv in takers:
+                self.events[auv].contested = len(takers) > 1
+            _, nearest = min(takers)
+            event = self.events[nearest]
+            duration_s = tau if fdd else (1 - event.beta) * tau
+            event.delivered = True
+            event.spent_j = self.sound.required_j(self.distance_m(nearest, node), duration_s)
+            self.energy_j[node] = max(0.0, self.energy_j[node] - event.spent_j)
+            self.spent_j += event.spent_j
+
+    def grow_older(self) -> None:
+        """Eq. `AOI_CALC`, ages held at A_max; D_T(k) of eq. `jain fairness J`."""
+        maximum = self.scenario.age.maximum
+        for node in self.nodes:
+            if any(event.delivered and event.heard == node for event in self.events):
+                self.age[node] = 1
+                self.deliveries[node] += 1
+            else:
+                self.capped_ages += self.age[node] == maximum
+                self.age[node] = min(self.age[node] + 1, maximum)
+        self.age_sum += sum(self.age) / len(self.nodes)
+        self.peak_age = max(self.peak_age, *self.age)
+
+    def jain(self) -> float:
+        """Eq. `jain fairness J`; 0 before any delivery."""
+        squares = sum(n**2 for n in self.deliveries)
+        return sum(self.deliveries) ** 2 / (len(self.nodes) * squares) if squares else 0.0
+
+    def reward_terms(self) -> dict[str, list[float]]:
+        """Eqs. `reward function` and `penalty …` for the slot just stepped, for each AUV."""
+        reward = self.scenario.reward
+        weights = self.scenario.node_weights
+        mean = sum(weights[k] * self.age[k] for k in self.nodes) / len(self.nodes)
+        if reward.kind == "mean_age":
+            return {"age": [-mean for _ in self.auvs]}
+        fair_share = self.scenario.num_slots / len(self.nodes)
+        terms = {
+            "age": [-reward.age_weight * (1 - self.jain()) * mean for _ in self.auvs],
+            "location": [-reward.location_penalty * e.left_grid for e in self.events],
+            "information": [-self.information_penalty(event) for event in self.events],
+            "occurrence": [
+                -reward.occurrence_penalty
+                * (event.delivered and self.deliveries[event.heard] > fair_share)
+                for event in self.events
+            ],
+        }
+        if reward.unserved_penalty:
+            unserved = self.deliveries.count(0)
+            terms["unserved"] = [-reward.unserved_penalty * unserved for _ in self.auvs]
+        return terms
+
+    def information_penalty(self, event: Slot) -> float:
+        """Eqs. `penalty for missed information fdd` and `… tdd`."""
+        reward = self.scenario.reward
+        if self.scenario.duplex.kind == "tdd":
+            penalties = {1.0: reward.only_charging_penalty, 0.0: reward.only_transmitting_penalty}
+            return penalties.get(event.beta, 0.0)
+        if event.delivered:
+            return 0.0
+        return reward.wrong_node_penalty if event.some_node_able else reward.no_able_node_penalty
+
+    def metrics(self) -> dict[str, float]:
+        """Figures of the episode so far, after at least one slot."""
+        jain = self.jain()
+        return {
+            "mean_aoi": self.age_sum / self.slot,
+            "final_aoi": sum(self.age) / len(self.nodes),
+            "peak_aoi": self.peak_age,
+            "jain": jain,
+            "harvested_kj": self.harvested_j / 1000,
+            "spent_kj": self.spent_j / 1000,
+            "uplink_success": sum(self.deliveries) / (self.slot * len(self.auvs)),
+            "age_violations": self.capped_ages,
+            "jain_violation": float(jain < self.scenario.fairness.minimum_jain),
+        }
+
+    def observe(self) -> list[list[float]]:
+        """Eq. `state space`: position, ages, stored energies, for each AUV.
+
+        The positions of the nodes follow where the scenario asks for them.
+        """
+        nodes = []
+        if self.scenario.observation.node_positions:
+            nodes = [coordinate for cell in self.node_cells for coordinate in cell]
+        return [[*cell, *self.age, *self.energy_j, *nodes] for cell in self.auv_cells]

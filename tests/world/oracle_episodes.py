@@ -1,0 +1,180 @@
+"""Whole episodes of the oracle under biased random actions, and what happened in them."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from oracle import STEPS, Oracle
+
+from iout_marl.scenario import load_scenario
+from iout_marl.world import World, node_codes
+
+if TYPE_CHECKING:
+    from iout_marl.scenario import Scenario
+
+#: Environments of a batch; each has actions (and drawn nodes) of its own.
+ENVS = 3
+STATE = (
+    "slot",
+    "age",
+    "energy_j",
+    "deliveries",
+    "harvested_j",
+    "spent_j",
+    "age_sum",
+    "peak_age",
+    "capped_ages",
+)
+EVENTS = ("left_grid", "beta", "harvested_j", "delivered", "spent_j")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scenario with overrides, and what must happen in its episodes."""
+
+    scenario: str
+    happens: set[str]
+    overrides: dict[str, Any] = field(default_factory=dict)
+    episodes: int = 1
+
+
+@dataclass
+class ExpectedSlot:
+    """What the oracle says of one slot: an entry for each env in every list."""
+
+    action: list[Any]
+    state: dict[str, list[Any]]
+    events: dict[str, list[Any]]
+    terms: dict[str, list[Any]]
+    metrics: dict[str, list[Any]]
+    observation: list[Any]
+
+
+@dataclass
+class ExpectedEpisode:
+    layouts: list[list[tuple[int, ...]]]
+    first_observation: list[Any]
+    slots: list[ExpectedSlot]
+
+
+def biased_action(rng: random.Random, env: int, oracle: Oracle) -> list[list[int]]:
+    """Env 0 acts at random, env 1 stays with node 0, env 2 visits one node after another.
+
+    All AUVs of an env have the same target, so they often choose the same node.
+    """
+    num_nodes = len(oracle.nodes)
+    target = {0: None, 1: 0, 2: oracle.slot // 12 % num_nodes}[env]
+    action = []
+    for cell in oracle.auv_cells:
+        direction = rng.randrange(6)
+        nodes = [rng.randrange(num_nodes), rng.randrange(num_nodes)]
+        if target is not None and rng.random() < 0.8:
+            goal = oracle.node_cells[target]
+            nodes = [target if rng.random() < 0.85 else node for node in nodes]
+            ahead = [
+                i
+                for i, step in enumerate(STEPS)
+                if sum(s * (g - c) for s, g, c in zip(step, goal, cell, strict=True)) > 0
+            ]
+            direction = rng.choice(ahead) if ahead else direction
+        entries = 2 if oracle.scenario.duplex.kind == "fdd" else 1
+        action.append([direction, *nodes[:entries]])
+    return action
+
+
+def what_happened(oracle: Oracle, capped_before: int) -> Counter[str]:
+    """Names of what a case may ask for, counted over one slot of one env."""
+    seen: Counter[str] = Counter()
+    fair_share = oracle.scenario.num_slots / len(oracle.nodes)
+    seen["capped age"] += oracle.capped_ages - capped_before
+    for auv, event in enumerate(oracle.events):
+        seen["delivery" if event.delivered else "no delivery"] += 1
+        seen["left grid"] += event.left_grid
+        seen["same cell"] += oracle.squared_cells(auv, event.charged) == 0
+        seen["overserved node"] += event.delivered and oracle.deliveries[event.heard] > fair_share
+        if oracle.scenario.duplex.kind == "tdd":
+            seen += kind_of_split(oracle, auv)
+        elif not event.delivered:
+            seen["wrong node" if event.some_node_able else "no able node"] += 1
+        for other in range(auv):
+            seen += kind_of_encounter(oracle, auv, other)
+    return seen
+
+
+def kind_of_split(oracle: Oracle, auv: int) -> Counter[str]:
+    duplex, beta = oracle.scenario.duplex, oracle.events[auv].beta
+    if beta in (0, 1):
+        return Counter(["only charging" if beta else "only transmitting"])
+    seen = Counter(["both"])
+    seen["least charging"] += beta == duplex.beta_min
+    return seen
+
+
+def kind_of_encounter(oracle: Oracle, auv: int, other: int) -> Counter[str]:
+    seen: Counter[str] = Counter()
+    pair = [oracle.events[auv], oracle.events[other]]
+    seen["shared charging"] += pair[0].charged == pair[1].charged
+    if pair[0].heard != pair[1].heard:
+        return seen
+    distances = [oracle.squared_cells(i, pair[0].heard) for i in (auv, other)]
+    equal = distances[0] == distances[1]
+    contested = pair[0].contested and pair[1].contested
+    farther = pair[0] if distances[0] > distances[1] else pair[1]
+    seen["contested uplink"] += contested
+    seen["contest at equal distance"] += contested and equal
+    seen["nearest AUV silent"] += farther.delivered and not equal
+    return seen
+
+
+def codes(world: World, scenario: Scenario, episode: int):
+    generators = [np.random.default_rng([episode, env]) for env in range(ENVS)]
+    return node_codes(scenario, world.grid, generators)
+
+
+def layouts(scenario: Scenario, episode: int) -> list[list[tuple[int, ...]]]:
+    """Cells of the nodes in each env; where they are drawn, the observation tells them."""
+    count = scenario.num_nodes
+    if scenario.nodes.kind == "fixed":
+        return [list(scenario.nodes.cells[:count])] * ENVS
+    world = World(scenario, num_envs=ENVS, library=np, dtype="float64")
+    seen = world.observe(world.reset(codes(world, scenario, episode)))
+    cells = seen[:, 0, 3 + 2 * count :].reshape(ENVS, count, 3).astype(int).tolist()
+    return [[tuple(cell) for cell in env] for env in cells]
+
+
+def play(case: Case) -> tuple[Scenario, list[ExpectedEpisode], Counter[str]]:
+    """The oracle's episodes of a case, and how often each thing happened in them."""
+    scenario = load_scenario(case.scenario, case.overrides)
+    rng, seen, episodes = random.Random(0), Counter(), []
+    for number in range(case.episodes):
+        cells = layouts(scenario, number)
+        oracles = [Oracle(scenario, env_cells) for env_cells in cells]
+        episode = ExpectedEpisode(cells, [oracle.observe() for oracle in oracles], [])
+        for _ in range(scenario.num_slots):
+            action = [biased_action(rng, env, oracle) for env, oracle in enumerate(oracles)]
+            for oracle, entries in zip(oracles, action, strict=True):
+                capped_before = oracle.capped_ages
+                oracle.step(entries)
+                seen += what_happened(oracle, capped_before)
+            episode.slots.append(_expected_slot(action, oracles))
+        episodes.append(episode)
+    return scenario, episodes, seen
+
+
+def _expected_slot(action: list[Any], oracles: list[Oracle]) -> ExpectedSlot:
+    def by_name(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
+        return {name: [row[name] for row in rows] for name in rows[0]}
+
+    return ExpectedSlot(
+        action,
+        # As arrays, because the oracle goes on writing in its lists.
+        {name: np.array([getattr(oracle, name) for oracle in oracles]) for name in STATE},
+        {name: [[getattr(e, name) for e in o.events] for o in oracles] for name in EVENTS},
+        by_name([oracle.reward_terms() for oracle in oracles]),
+        by_name([oracle.metrics() for oracle in oracles]),
+        [oracle.observe() for oracle in oracles],
+    )

@@ -1,0 +1,244 @@
+"""The world against the oracle, slot by slot over whole episodes of biased random actions.
+
+Whatever an episode is meant to exercise must have happened in it: its case names it.
+"""
+
+import functools
+
+import numpy as np
+import pytest
+import torch
+from oracle_episodes import ENVS, Case, codes, play
+
+from iout_marl.scenario import bundled_names
+from iout_marl.world import World
+
+#: Relative and absolute: rounding alone, in sums over an episode.
+TOLERANCE = 1e-9
+
+ALWAYS = {"delivery", "no delivery", "left grid", "capped age", "overserved node"}
+FDD = ALWAYS | {"no able node", "wrong node"}
+TDD = ALWAYS | {"only charging", "only transmitting", "both"}
+SHARED = {"shared charging", "contested uplink", "contest at equal distance"}
+
+TWO_AUVS = {"auvs.start_cells": [[5, 5, 2], [1, 2, 1]]}
+THREE_AUVS = {"auvs.start_cells": [[5, 5, 2], [1, 2, 1], [3, 1, 2]]}
+THREE_WEIGHTS = {"nodes.weights": [0.5, 2.0, 0.0]}
+#: Cells of 2 m in slots of 25 s: what 10 k_s log₁₀ d leaves within reach.
+EQUATION = {"channel.kind": "equation", "grid.spacing_m": 2, "auvs.speed_m_per_s": 0.08}
+#: Cells of 0.3 m: neighbours are too near for any spreading.
+TINY_CELLS = {"grid.spacing_m": 0.3, "auvs.speed_m_per_s": 0.012, "age.maximum": 15}
+SMALL_GRID = {
+    "grid.cells": [3, 2, 2],
+    "nodes.cells": [[1, 1, 1], [3, 2, 2], [2, 1, 2]],
+    "auvs.start_cells": [[2, 2, 1]],
+    "age.maximum": 12,
+}
+RANDOM_NODES = {"nodes": {"kind": "random", "count": 4}, "observation.node_positions": True}
+#: Packets whose price rises steeply as the time for them shrinks.
+LARGE_PACKETS = {"uplink.packet_bits": 30000, "charging.power_w": 60000}
+#: So steeply that even near nodes, for which β_min is ample, can not pay at β_max.
+STEEP_PACKETS = {"uplink.packet_bits": 60000, "channel.noise_level_db": 12.0}
+COLD = {"channel.absorption": {"kind": "francois_garrison", "temperature_c": 4.0}}
+WARM = {
+    "channel.absorption": {
+        "kind": "francois_garrison",
+        "temperature_c": 27.0,
+        "salinity_psu": 33.0,
+        "depth_m": 10.0,
+        "ph": 8.1,
+    }
+}
+#: Sonar with a poor projector in rough water, which leaves energy to be short of.
+SONAR = {
+    "channel": {
+        "kind": "sonar",
+        "shipping": 0.8,
+        "wind_m_per_s": 12.0,
+        "uplink_efficiency": 0.01,
+        "uplink_directivity_index_db": -20.0,
+    },
+    "uplink.packet_bits": 7500,
+    "harvester.sensitivity_db": -177,
+}
+#: No number as in the bundled scenarios, none equal to another one that it could be.
+OTHER_HARDWARE = {
+    "grid.spacing_m": 130,
+    "auvs.speed_m_per_s": 1.7,
+    "episode.duration_s": 7000,
+    "channel.spreading_factor": 1.2,
+    "channel.noise_level_db": 27.0,
+    "charging": {"power_w": 60, "efficiency": 0.4, "directivity_index_db": 23.0},
+    "harvester": {
+        "sensitivity_db": -151.0,
+        "efficiency": 0.6,
+        "hydrophones": 3,
+        "load_resistance_ohm": 90,
+    },
+    "uplink": {"packet_bits": 170, "bandwidth_hz": 3600},
+    "age.maximum": 20,
+    "fairness.minimum_jain": 0.4,
+    "reward.location_penalty": 7.0,
+    "reward.occurrence_penalty": 6.0,
+}
+
+CASES = {
+    **{f"paper/k{k}-fdd": Case(f"paper/k{k}-fdd", FDD) for k in (3, 5, 7, 10)},
+    **{f"paper/k{k}-tdd": Case(f"paper/k{k}-tdd", TDD) for k in (3, 5, 7, 10)},
+    "best/k3-tdd": Case("best/k3-tdd", TDD | {"least charging"}),
+    "best/k10-tdd": Case("best/k10-tdd", TDD | {"least charging"}),
+    "mean-age-with-weights": Case(
+        "paper/k3-fdd", FDD, {"reward": {"kind": "mean_age"}, **THREE_WEIGHTS}
+    ),
+    "paper-reward-with-weights": Case(
+        "paper/k3-tdd", TDD, {"reward.age_weight": 1.5, **THREE_WEIGHTS}
+    ),
+    "unserved-penalty": Case("paper/k5-fdd", FDD, {"reward.unserved_penalty": 2.0}),
+    "two-penalties-for-a-failed-uplink": Case(
+        "paper/k5-fdd", FDD, {"reward.no_able_node_penalty": 1.0, "reward.wrong_node_penalty": 8.0}
+    ),
+    "bonus-for-only-transmitting": Case(
+        "paper/k5-tdd",
+        TDD,
+        {"reward.only_transmitting_penalty": -2.0, "reward.only_charging_penalty": 3.0},
+    ),
+    "two-auvs-fdd": Case(
+        "paper/k3-fdd",
+        FDD | SHARED,
+        {"reward.no_able_node_penalty": 1.0, "reward.wrong_node_penalty": 8.0, **TWO_AUVS},
+    ),
+    "two-auvs-tdd": Case("paper/k3-tdd", TDD | SHARED, TWO_AUVS),
+    "two-of-three-starts": Case("paper/k5-fdd", FDD | SHARED, {**THREE_AUVS, "auvs.count": 2}),
+    "three-auvs-fdd": Case(
+        "paper/k10-fdd",
+        FDD | SHARED,
+        {"reward.unserved_penalty": 1.0, "reward.no_able_node_penalty": 1.0, **THREE_AUVS},
+    ),
+    "three-auvs-tdd": Case(
+        "paper/k7-tdd", TDD | SHARED, {"reward.only_transmitting_penalty": 1.0, **THREE_AUVS}
+    ),
+    "three-auvs-stored": Case("best/k5-tdd", TDD | SHARED, THREE_AUVS),
+    "equation-fdd": Case("paper/k3-fdd", FDD, {**EQUATION, **COLD}),
+    "equation-tdd": Case("paper/k3-tdd", TDD, {**EQUATION, **WARM}),
+    "tiny-cells-table": Case("paper/k3-fdd", FDD, {"charging.power_w": 30, **TINY_CELLS}),
+    "tiny-cells-equation": Case(
+        "paper/k3-tdd",
+        TDD,
+        {"charging.power_w": 70, "channel.kind": "equation", **TINY_CELLS},
+    ),
+    "table-fdd-warm": Case("paper/k3-fdd", FDD, {"charging.power_w": 300, **WARM}),
+    "table-tdd-cold": Case("paper/k3-tdd", TDD, COLD),
+    "sonar-fdd": Case("paper/k3-fdd", FDD, {**SONAR, **WARM}),
+    "sonar-tdd": Case("paper/k3-tdd", TDD, {**SONAR, **COLD}),
+    "sonar-stored-thorp": Case("best/k3-tdd", TDD, SONAR),
+    "random-nodes-fdd": Case("paper/k3-fdd", FDD, RANDOM_NODES, episodes=3),
+    "random-nodes-tdd": Case("paper/k3-tdd", TDD, RANDOM_NODES, episodes=3),
+    "small-grid-fdd": Case(
+        "paper/k3-fdd", FDD | {"same cell"}, {**SMALL_GRID, "charging.power_w": 300}
+    ),
+    "small-grid-tdd": Case("paper/k3-tdd", TDD | {"same cell"}, SMALL_GRID),
+    "small-grid-two-auvs": Case(
+        "paper/k3-tdd",
+        TDD | SHARED | {"same cell", "nearest AUV silent"},
+        {**SMALL_GRID, "auvs.start_cells": [[2, 2, 1], [1, 2, 1]]},
+    ),
+    "low-maximum-age": Case("paper/k5-fdd", FDD, {"age.maximum": 4, "age.initial": 2}),
+    "other-bounds-of-beta": Case(
+        "paper/k3-tdd", TDD, {"duplex.beta_min": 0.3, "duplex.beta_max": 0.5}
+    ),
+    "other-bounds-of-beta-stored": Case(
+        "best/k3-tdd", TDD, {"duplex.beta_min": 0.0, "duplex.beta_max": 0.6}
+    ),
+    "large-packets": Case("paper/k3-tdd", TDD, LARGE_PACKETS),
+    "large-packets-stored": Case("best/k3-tdd", TDD, LARGE_PACKETS),
+    "steep-packets": Case("paper/k3-tdd", TDD, STEEP_PACKETS),
+    "steep-packets-stored": Case("best/k3-tdd", TDD, STEEP_PACKETS),
+    "other-hardware-fdd": Case(
+        "paper/k3-fdd",
+        FDD,
+        {
+            "duplex.charging_frequency_khz": 36.0,
+            "duplex.uplink_frequency_khz": 25.0,
+            **OTHER_HARDWARE,
+        },
+    ),
+    "other-hardware-tdd": Case(
+        "paper/k3-tdd", TDD, {"duplex.frequency_khz": 33.0, **OTHER_HARDWARE}
+    ),
+}
+
+
+@functools.cache
+def expected(name):
+    """One play for the tests of all libraries."""
+    return play(CASES[name])
+
+
+@pytest.fixture(autouse=True)
+def _one_thread():
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def assert_same(actual, wanted, what):
+    actual, wanted = np.asarray(actual, dtype=float), np.asarray(wanted, dtype=float)
+    assert actual.shape == wanted.shape, what
+    # The report takes longer than the comparison: only where there is something to report.
+    if not np.all(np.abs(actual - wanted) <= TOLERANCE * (1 + np.abs(wanted))):
+        np.testing.assert_allclose(actual, wanted, TOLERANCE, TOLERANCE, err_msg=what)
+        pytest.fail(what)
+
+
+def assert_same_names(actual, wanted, what):
+    assert actual.keys() == wanted.keys(), what
+    for name, values in wanted.items():
+        assert_same(actual[name], values, f"{what}: {name}")
+
+
+def assert_same_slot(world, state, events, slot, where):
+    for name, values in slot.state.items():
+        assert_same(getattr(state, name), values, f"{where}: state.{name}")
+    for name, values in slot.events.items():
+        assert_same(getattr(events, name), values, f"{where}: events.{name}")
+    assert_same_names(world.reward_terms(state, events), slot.terms, f"{where}: reward")
+    total = sum(np.asarray(values) for values in slot.terms.values())
+    assert_same(world.reward(state, events), total, f"{where}: reward")
+    assert_same_names(world.metrics(state), slot.metrics, f"{where}: metrics")
+    assert_same(world.observe(state), slot.observation, f"{where}: observation")
+
+
+@pytest.mark.parametrize("library", [np, torch], ids=["numpy", "torch"])
+@pytest.mark.parametrize("name", CASES)
+def test_world_agrees_with_the_oracle_in_every_slot(name, library):
+    scenario, episodes, _ = expected(name)
+    world = World(scenario, num_envs=ENVS, library=library, dtype="float64")
+    for number, episode in enumerate(episodes):
+        state = world.reset(codes(world, scenario, number))
+        assert_same(world.observe(state), episode.first_observation, "first observation")
+        for i, slot in enumerate(episode.slots):
+            action = library.asarray(np.asarray(slot.action, dtype=np.int64))
+            state, events = world.step(state, action)
+            assert_same_slot(world, state, events, slot, f"episode {number}, slot {i}")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_episodes_exercise_what_they_are_meant_to(name):
+    _, _, seen = expected(name)
+    assert not [what for what in CASES[name].happens if not seen[what]]
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name.startswith("random-nodes")])
+def test_random_nodes_lie_in_cells_of_their_own_and_differ_between_episodes(name):
+    scenario, episodes, _ = expected(name)
+    drawn = [layout for episode in episodes for layout in episode.layouts]
+    assert len({tuple(layout) for layout in drawn}) == len(drawn)
+    for layout in drawn:
+        assert len(set(layout)) == scenario.num_nodes
+        for cell in layout:
+            assert all(1 <= c <= n for c, n in zip(cell, scenario.grid.cells, strict=True))
+
+
+def test_every_paper_scenario_is_compared():
+    assert {name for name in bundled_names() if name.startswith("paper/")} <= set(CASES)
