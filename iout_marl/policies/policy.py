@@ -1,0 +1,52 @@
+"""What a policy is: something that chooses actions for a batch of environments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.world import State, World
+
+#: (envs, auvs, entries) int: one entry of an action for each of `World.action_sizes`.
+Actions: TypeAlias = npt.NDArray[np.int64]
+
+
+class Policy(Protocol):
+    """Chooses an action for every AUV of every environment.
+
+    Attributes:
+        name: what tables call it.
+    """
+
+    name: str
+
+    def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:
+        """The actions for the next slot.
+
+        Args:
+            world: the world, on NumPy: sizes, grid, links, `observe`.
+            state: its state.
+            rng: the stream for whatever the policy leaves to chance.
+        """
+        ...
+
+
+class ObservationPolicy:
+    """A plain function of the observations as a policy.
+
+    Args:
+        function: takes (envs, auvs, entries) float32 observations, returns
+            (envs, auvs, entries) integer actions.
+        name: what tables call it.
+    """
+
+    def __init__(self, function: Callable[[Any], Any], name: str = "") -> None:
+        self._function = function
+        self.name = name or str(getattr(function, "__name__", "callable"))
+
+    def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:  # noqa: ARG002
+        observation = np.asarray(world.observe(state), dtype=np.float32)
+        return np.asarray(self._function(observation), dtype=np.int64)
