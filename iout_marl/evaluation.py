@@ -122,24 +122,31 @@ def evaluate(
     if seed < 0:
         raise InputError(f"seed must not be negative, not {seed}")
     scenario = pin_layout(load_scenario(scenario), seed)
-    if isinstance(policy, str):
-        policy = make_baseline(policy)
-    elif not hasattr(policy, "act"):
-        policy = ObservationPolicy(policy)
+    player = _as_policy(policy)
     world = World(scenario, episodes)
     streams = [np.random.default_rng(seed + i) for i in range(episodes)]
     state = world.reset(node_codes(scenario, world.grid, streams))
     rng = np.random.default_rng(seed)
     total_reward = np.zeros((episodes, world.num_auvs))
     for _ in range(world.num_slots):
-        state, events = world.step(state, policy.act(world, state, rng))
+        state, events = world.step(state, player.act(world, state, rng))
         total_reward += world.reward(state, events)
     samples = {**world.metrics(state), "reward": total_reward.mean(axis=1)}
     return Evaluation(
         scenario=scenario.name,
         scenario_hash=scenario.hash,
-        policy=policy.name,
+        policy=player.name,
         episodes=episodes,
         seed=seed,
         samples={name: np.asarray(samples[name], dtype=np.float64) for name in METRICS},
     )
+
+
+def _as_policy(policy: str | Policy | Callable[[Any], Any]) -> Policy:
+    if isinstance(policy, str):
+        return make_baseline(policy)
+    if isinstance(policy, Policy):
+        return policy
+    if callable(policy):
+        return ObservationPolicy(policy)
+    raise TypeError(f"a policy needs a name and a method act, or must be callable: {policy!r}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from iout_marl.world import State, World
 Actions: TypeAlias = npt.NDArray[np.int64]
 
 
+@runtime_checkable
 class Policy(Protocol):
     """Chooses an action for every AUV of every environment.
 

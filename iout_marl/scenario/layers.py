@@ -84,9 +84,7 @@ def _merge(
             base[key] = value
             for place in [p for p in origins if p[: len(here)] == here]:
                 del origins[place]
-            for place, origin in upper_origins.items():
-                if place[: len(here)] == here:
-                    origins[place] = origin
+            origins |= {p: o for p, o in upper_origins.items() if p[: len(here)] == here}
 
 
 def read_file(path: Path) -> Layer:
@@ -199,7 +197,7 @@ def overrides_layer(overrides: Iterable[str] | Mapping[str, Any]) -> Layer:
         data: Any = value
         for part in reversed(keys):
             data = {part: data}
-        origins = {keys[:end]: origin for end in range(1, len(keys) + 1)}
+        origins: dict[KeyPath, str] = {keys[:i]: origin for i in range(1, len(keys) + 1)}
         merged = Layer(data, origins).over(merged)
     return merged
 

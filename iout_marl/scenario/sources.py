@@ -35,7 +35,7 @@ def _natural(name: str) -> list[tuple[int, str]]:
     """Sort key that puts k10 behind k3."""
     digits = "".join(c if c.isdigit() else " " for c in name).split()
     text = "".join(" " if c.isdigit() else c for c in name).split()
-    return [(0, name.split("/")[0]), *((int(d), "") for d in digits), *((0, t) for t in text)]
+    return [(0, name.partition("/")[0]), *((int(d), "") for d in digits), *((0, t) for t in text)]
 
 
 def find_scenario(source: str | Path, beside: Path | None = None) -> Path:

@@ -27,7 +27,7 @@ class NodeAxis:
 
     def chosen(self, values: Array, node: Array) -> Array:
         """Of (envs, nodes) values, those of the (envs, auvs) nodes: (envs, auvs)."""
-        return lookup(self._xp, self._xp.reshape(values, (-1,)), self._first + node)
+        return lookup(self._xp, values, self._first + node)
 
     def one_hot(self, node: Array) -> Array:
         """(envs, auvs) nodes as (envs, auvs, nodes) bool."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,7 +140,7 @@ class Observer:
         )
 
 
-def _joined(parts: list[tuple[npt.NDArray[np.float64], ...]]) -> Ranges:
+def _joined(parts: Sequence[tuple[npt.NDArray[np.float64], ...]]) -> Ranges:
     low, high, scale = (np.concatenate([part[i] for part in parts]) for i in range(3))
     return Ranges(low, high, scale)
 
