@@ -1,0 +1,128 @@
+"""Where a training tells how it goes: TensorBoard, a log file, the terminal."""
+
+from __future__ import annotations
+
+import json
+import time
+from types import TracebackType
+from typing import Any, Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from torch.utils.tensorboard import SummaryWriter
+
+from iout_marl.errors import InputError
+from trainers.run_folder import RunFolder
+
+#: Seconds between two lines where there is no terminal to draw a bar in.
+LINE_EVERY_S = 10.0
+
+
+class TrainingLog:
+    """Writes each iteration to TensorBoard, to `metrics.jsonl` and to the terminal.
+
+    Args:
+        run: the run's folder.
+        name: what the progress bar calls it.
+        total_steps: environment steps of the whole training.
+        env_steps: steps already taken; what the files say of later ones is cut off.
+        console: where the progress goes.
+    """
+
+    def __init__(
+        self, run: RunFolder, name: str, total_steps: int, env_steps: int, console: Console
+    ) -> None:
+        self._run = run
+        self._console = console
+        self._last_line = time.monotonic()
+        _cut_off(run, env_steps)
+        try:
+            self._writer = SummaryWriter(str(run.path), purge_step=env_steps or None)
+            self._metrics = run.metrics_path.open("a", encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"{run.path}: can not be written: {error.strerror}") from None
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=None),
+            TextColumn("{task.percentage:>3.0f} %"),
+            TextColumn("AoI {task.fields[aoi]:6.2f}"),
+            TextColumn("Jain {task.fields[jain]:.3f}"),
+            TextColumn("{task.fields[kj]:5.2f} kJ"),
+            TextColumn("{task.fields[rate]:>7,.0f} steps/s"),
+            TimeRemainingColumn(),
+            console=console,
+            disable=not console.is_terminal,
+        )
+        self._task = self._progress.add_task(
+            name, total=total_steps, completed=env_steps, aoi=0.0, jain=0.0, kj=0.0, rate=0.0
+        )
+        self._name = name
+        self._total = total_steps
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._progress.stop()
+        try:
+            self._metrics.close()
+            self._writer.close()
+        except OSError as failure:
+            if error is None:
+                raise InputError(
+                    f"{self._run.path}: can not be written: {failure.strerror}"
+                ) from None
+
+    def write(self, env_steps: int, log: dict[str, float]) -> None:
+        """Log an iteration.
+
+        Raises:
+            InputError: a file can not be written.
+        """
+        try:
+            for tag, value in log.items():
+                self._writer.add_scalar(tag, value, env_steps)
+            self._metrics.write(json.dumps({"env_steps": env_steps, **log}) + "\n")
+            self._metrics.flush()
+        except OSError as error:
+            raise InputError(f"{self._run.path}: can not be written: {error.strerror}") from None
+        self._show(env_steps, log)
+
+    def _show(self, env_steps: int, log: dict[str, float]) -> None:
+        fields = {"rate": log["speed/env_steps_per_s"]}
+        if "aoi/mean" in log:
+            fields["aoi"] = log["aoi/mean"]
+            fields["jain"] = log["fairness/jain"]
+            fields["kj"] = log["energy/harvested_kj"]
+        self._progress.update(self._task, completed=env_steps, **fields)  # type: ignore[arg-type]
+        now = time.monotonic()
+        done = env_steps >= self._total
+        if not self._console.is_terminal and (done or now - self._last_line >= LINE_EVERY_S):
+            self._last_line = now
+            shown: dict[str, Any] = self._progress.tasks[0].fields
+            self._console.print(
+                f"{self._name}  {env_steps / self._total:4.0%}  AoI {shown['aoi']:.2f}  "
+                f"Jain {shown['jain']:.3f}  {shown['kj']:.2f} kJ  {shown['rate']:,.0f} steps/s",
+                highlight=False,
+            )
+
+
+def _cut_off(run: RunFolder, env_steps: int) -> None:
+    """Drop the lines of iterations after the checkpoint that training goes on from."""
+    path = run.metrics_path
+    if not path.is_file():
+        return
+    kept = []
+    for line in path.read_text(encoding="utf-8").splitlines(keepends=True):
+        try:
+            if json.loads(line)["env_steps"] <= env_steps:
+                kept.append(line)
+        except ValueError:
+            break  # a line that was cut short as the process ended
+    run.write_text(path.name, "".join(kept))

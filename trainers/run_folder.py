@@ -1,0 +1,225 @@
+"""A run on disk: scenario, policy, checkpoint, logs, result.
+
+| file | holds |
+|---|---|
+| `scenario.yaml` | the scenario, resolved |
+| `policy.safetensors`, `policy.json` | the networks' weights, and their shape |
+| `checkpoint.pt` | all that training goes on from |
+| `metrics.jsonl` | a line for every iteration |
+| `events.out.tfevents.*` | the same for TensorBoard |
+| `result.json` | the final policy's evaluation |
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import safetensors
+import safetensors.torch
+import torch
+
+from iout_marl.errors import InputError
+from iout_marl.scenario import Scenario, load_scenario, to_yaml
+from iout_marl.world import WORLD_VERSION, World
+from trainers.networks import ActorCritic
+from trainers.ppo import Trainer, make_network
+from trainers.trained import TrainedPolicy
+
+#: Changes whenever older files can no longer be read.
+FORMAT = 1
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a file so that at every moment either the old or the new one is there, whole.
+
+    Raises:
+        InputError: it can not be written (a full disk, say); what was there stands.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        with part.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        kept = "; the one before stands" if path.exists() else ""
+        raise InputError(f"{path}: can not be written: {error.strerror}{kept}") from None
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """The folder of a run."""
+
+    path: Path
+
+    @property
+    def checkpoint_path(self) -> Path:
+        """The checkpoint."""
+        return self.path / "checkpoint.pt"
+
+    @property
+    def metrics_path(self) -> Path:
+        """The log, a JSON object a line."""
+        return self.path / "metrics.jsonl"
+
+    def create(self, scenario: Scenario) -> None:
+        """Make the folder for a new run.
+
+        Raises:
+            InputError: it holds a run already, or can not be made.
+        """
+        if self.checkpoint_path.exists():
+            raise InputError(
+                f"{self.path}: holds a run already; go on with it by --resume {self.path}, "
+                "or name another folder by --out"
+            )
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{self.path}: can not be made: {error.strerror}") from None
+        for leftover in (self.metrics_path, *self.path.glob("events.out.tfevents.*")):
+            leftover.unlink(missing_ok=True)
+        self.write_text("scenario.yaml", to_yaml(scenario))
+
+    def write_text(self, name: str, text: str) -> None:
+        """Write one of the folder's files atomically."""
+        write_atomically(self.path / name, text.encode())
+
+    def scenario(self) -> Scenario:
+        """The run's scenario.
+
+        Raises:
+            InputError: the folder holds no run.
+        """
+        path = self.path / "scenario.yaml"
+        if not path.is_file():
+            raise InputError(f"{self.path}: holds no run: there is no scenario.yaml in it")
+        return load_scenario(path.resolve())
+
+    def save(self, trainer: Trainer, source: Scenario) -> None:
+        """Save checkpoint and policy.
+
+        Args:
+            trainer: what to save.
+            source: the scenario before its layout was pinned.
+
+        Raises:
+            InputError: a file can not be written; the last good one stands.
+        """
+        checkpoint = {
+            "format": FORMAT,
+            "world_version": WORLD_VERSION,
+            "scenario_hash": trainer.scenario.hash,
+            "trainer": trainer.state_dict(),
+        }
+        buffer = io.BytesIO()
+        torch.save(checkpoint, buffer)
+        write_atomically(self.checkpoint_path, buffer.getvalue())
+        weights = {k: v.contiguous().cpu() for k, v in trainer.network.state_dict().items()}
+        world = trainer.simulation.world
+        shape = {
+            "format": FORMAT,
+            "world_version": WORLD_VERSION,
+            "scenario": trainer.scenario.name,
+            "scenario_hash": trainer.scenario.hash,
+            "world_hash": trainer.scenario.world_hash,
+            "source_world_hash": source.world_hash,
+            "env_steps": trainer.env_steps,
+            "num_auvs": world.num_auvs,
+            "observation_entries": len(world.observer.agent_ranges.low),
+            "action_sizes": list(world.action_sizes),
+            "hidden_units": list(trainer.settings.hidden_units),
+            "activation": trainer.settings.activation,
+            "mask_actions": trainer.settings.mask_actions,
+        }
+        write_atomically(self.path / "policy.safetensors", safetensors.torch.save(weights))
+        self.write_text("policy.json", json.dumps(shape, indent=2) + "\n")
+
+    def load_checkpoint(self, device: torch.device) -> dict[str, Any]:
+        """The trainer's `state_dict` from the checkpoint.
+
+        Raises:
+            InputError: there is none, it is damaged, of another version, or holds objects
+                other than tensors and plain values.
+        """
+        path = self.checkpoint_path
+        if not path.is_file():
+            raise InputError(f"{self.path}: holds no checkpoint")
+        with _readable(path):
+            saved = torch.load(path, map_location=device, weights_only=True)
+        _check_version(path, saved)
+        trainer: dict[str, Any] = saved["trainer"]
+        # Streams live on the CPU whatever device they are for.
+        simulation = trainer["simulation"]
+        simulation["generator"] = simulation["generator"].cpu()
+        return trainer
+
+    def policy_shape(self) -> dict[str, Any]:
+        """What `policy.json` says.
+
+        Raises:
+            InputError: there is no policy, or it is of another version.
+        """
+        path = self.path / "policy.json"
+        if not path.is_file() or not (self.path / "policy.safetensors").is_file():
+            raise InputError(f"{self.path}: holds no trained policy")
+        try:
+            shape: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError:
+            raise InputError(f"{path}: damaged: not JSON") from None
+        _check_version(path, shape)
+        return shape
+
+    def load_policy(self, device: str | torch.device = "cpu") -> TrainedPolicy:
+        """The trained policy.
+
+        Raises:
+            InputError: there is none, it is damaged, or of another version.
+        """
+        shape = self.policy_shape()
+        scenario = self.scenario()
+        world = World(scenario)
+        network: ActorCritic = make_network(
+            world.observer.agent_ranges, world.action_sizes, scenario.training
+        )
+        path = self.path / "policy.safetensors"
+        with _readable(path):
+            network.load_state_dict(safetensors.torch.load_file(path))
+        network.to(device).eval()
+        return TrainedPolicy(network, name=str(self.path), use_mask=shape["mask_actions"])
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Turns what loaders raise on damaged files into one line."""
+    try:
+        yield
+    except pickle.UnpicklingError:
+        raise InputError(
+            f"{path}: refused: damaged, or it holds Python objects, which could run any code"
+        ) from None
+    except (RuntimeError, EOFError, ValueError, KeyError, safetensors.SafetensorError) as error:
+        reason = str(error).strip().splitlines()[0] if str(error).strip() else "damaged"
+        raise InputError(f"{path}: can not be read: {reason}") from None
+    except OSError as error:
+        raise InputError(f"{path}: can not be read: {error.strerror}") from None
+
+
+def _check_version(path: Path, saved: Any) -> None:
+    versions = (FORMAT, WORLD_VERSION)
+    found = (saved.get("format"), saved.get("world_version")) if isinstance(saved, dict) else None
+    if found != versions:
+        raise InputError(
+            f"{path}: is of another version of this software: format and world version "
+            f"{found}, not {versions}"
+        )

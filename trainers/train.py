@@ -1,0 +1,226 @@
+"""A training from start to end: run folder, logs, checkpoints, signals."""
+
+from __future__ import annotations
+
+import json
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import torch
+from rich.console import Console
+
+import iout_marl
+from iout_marl.errors import InputError
+from iout_marl.evaluation import Evaluation, evaluate
+from iout_marl.scenario import Scenario, load_scenario
+from trainers.logs import TrainingLog
+from trainers.ppo import Trainer
+from trainers.run_folder import RunFolder
+
+#: Settings that a resumed run may change.
+CHANGEABLE = ("training.steps", "training.checkpoint_steps")
+
+
+@dataclass(frozen=True)
+class TrainingOutcome:
+    """How a training ended."""
+
+    run: RunFolder
+    trainer: Trainer
+    finished: bool
+    seconds: float
+    evaluation: Evaluation | None
+
+
+def find_device(name: str) -> torch.device:
+    """The device that `--device` means: `auto` is CUDA where there is some, else the CPU.
+
+    Raises:
+        InputError: no such device.
+    """
+    if name == "auto":
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    try:
+        device = torch.device(name)
+    except RuntimeError:
+        raise InputError(f"--device {name}: unknown device (known: auto, cpu, cuda)") from None
+    if device.type not in ("cpu", "cuda"):
+        raise InputError(f"--device {name}: unknown device (known: auto, cpu, cuda)")
+    if device.type == "cuda" and (
+        not torch.cuda.is_available() or (device.index or 0) >= torch.cuda.device_count()
+    ):
+        raise InputError(f"--device {name}: this machine has no such device")
+    return device
+
+
+def train(
+    scenario: Scenario,
+    out: Path,
+    seed: int = 0,
+    device: torch.device | str = "cpu",
+    *,
+    resume: bool = False,
+    console: Console | None = None,
+    evaluation_episodes: int = 100,
+) -> TrainingOutcome:
+    """Train a policy, and evaluate it at the end.
+
+    On SIGINT and SIGTERM the running iteration is finished, everything is saved, and the
+    training can be resumed.
+
+    Args:
+        scenario: what to train on, and how.
+        out: the run's folder.
+        seed: seeds the training; a resumed one goes on with its own.
+        device: where to train.
+        resume: go on with the run in `out`.
+        console: where the progress goes; standard error by default.
+        evaluation_episodes: episodes of the final evaluation.
+
+    Raises:
+        InputError: `out` holds a run already (or, to resume, none, or one of another
+            scenario), or can not be written.
+    """
+    started = time.perf_counter()
+    console = console or Console(stderr=True)
+    run = RunFolder(out)
+    trainer, source = (
+        _resumed(run, scenario, torch.device(device))
+        if resume
+        else (Trainer(scenario, seed, device), scenario)
+    )
+    if not resume:
+        run.create(trainer.scenario)
+    with (
+        TrainingLog(run, scenario.name, trainer.settings.steps, trainer.env_steps, console) as log,
+        _stop_signals() as stop,
+    ):
+        saved_at = trainer.env_steps
+        while not trainer.finished and not stop:
+            log.write(trainer.env_steps, trainer.iterate())
+            if trainer.env_steps - saved_at >= trainer.settings.checkpoint_steps:
+                run.save(trainer, source)
+                saved_at = trainer.env_steps
+        run.save(trainer, source)
+    evaluation = None
+    seconds = time.perf_counter() - started
+    if trainer.finished:
+        evaluation = evaluate(trainer.scenario, run.load_policy(), evaluation_episodes, seed=0)
+        run.write_text("result.json", _result(trainer, evaluation, seconds))
+    return TrainingOutcome(run, trainer, trainer.finished, seconds, evaluation)
+
+
+def _resumed(run: RunFolder, scenario: Scenario, device: torch.device) -> tuple[Trainer, Scenario]:
+    own = run.scenario()
+    saved = run.load_checkpoint(device)
+    wanted = Trainer(scenario, saved["seed"], device)
+    strange = [k for k in differences(own, wanted.scenario) if k not in CHANGEABLE]
+    if strange:
+        raise InputError(
+            f"{run.path}: is a run of another scenario, {own.name}: {strange[0]} differs"
+        )
+    wanted.load_state_dict(saved)
+    return wanted, scenario
+
+
+def differences(first: Scenario, second: Scenario) -> list[str]:
+    """Dotted keys in which two scenarios differ, names and descriptions aside."""
+
+    def flat(data: object, path: str) -> dict[str, object]:
+        if not isinstance(data, dict):
+            return {path: data}
+        return {
+            k: v
+            for key, value in data.items()
+            for k, v in flat(value, f"{path}.{key}" if path else key).items()
+        }
+
+    a, b = (flat(s.model_dump(exclude={"name", "description"}), "") for s in (first, second))
+    return [key for key in {**a, **b} if a.get(key) != b.get(key)]
+
+
+def _result(trainer: Trainer, evaluation: Evaluation, seconds: float) -> str:
+    result = {
+        "version": iout_marl.__version__,
+        "torch": torch.__version__,
+        "device": str(trainer.device),
+        "seed": trainer.seed,
+        "env_steps": trainer.env_steps,
+        "seconds": round(seconds, 3),
+        "evaluation": evaluation.to_json(),
+    }
+    return json.dumps(result, indent=2) + "\n"
+
+
+@contextmanager
+def _stop_signals() -> Iterator[list[int]]:
+    """While inside, SIGINT and SIGTERM only leave their number in the list.
+
+    A second signal has its usual effect. Outside the main thread, where no handler may
+    be set, the list stays empty.
+    """
+    received: list[int] = []
+    before: dict[signal.Signals, Any] = {}
+
+    def note(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        received.append(number)
+        for name, handler in before.items():
+            signal.signal(name, handler)
+
+    try:
+        for name in (signal.SIGINT, signal.SIGTERM):
+            before[name] = signal.signal(name, note)
+    except ValueError:
+        pass
+    try:
+        yield received
+    finally:
+        for name, handler in before.items():
+            signal.signal(name, handler)
+
+
+def load_run(run: Path, scenario: Scenario, *, transfer: bool) -> tuple[RunFolder, Scenario]:
+    """A run's folder, and the scenario to evaluate its policy on.
+
+    Args:
+        run: the folder.
+        scenario: what the user asks for. Where its layout is drawn once for a run, the
+            run's own layout is used.
+        transfer: allow another world than that of the training, as long as observations
+            and actions fit.
+
+    Raises:
+        InputError: no run, or one of another scenario.
+    """
+    folder = RunFolder(run)
+    shape = folder.policy_shape()
+    own = folder.scenario()
+    if scenario.world_hash in (shape["world_hash"], shape["source_world_hash"]):
+        pinned = load_scenario(scenario).model_copy(update={"nodes": own.nodes})
+        return folder, pinned
+    different = differences(own, scenario)
+    where = next(k for k in different if not k.startswith(("reward.", "training.")))
+    fits = (
+        own.num_nodes == scenario.num_nodes
+        and own.num_auvs == scenario.num_auvs
+        and own.duplex.kind == scenario.duplex.kind
+        and own.observation == scenario.observation
+        and own.auvs.motion == scenario.auvs.motion
+    )
+    if not fits:
+        raise InputError(
+            f"{run}: was trained on another scenario, {own.name}, whose {where} differs: "
+            "its observations and actions do not fit"
+        )
+    if not transfer:
+        raise InputError(
+            f"{run}: was trained on another scenario, {own.name}, whose {where} differs; "
+            "--transfer evaluates it all the same"
+        )
+    return folder, scenario

@@ -1,0 +1,49 @@
+"""A trained network as a policy."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from iout_marl.policies import Actions
+from iout_marl.world import State, World
+from trainers.networks import ActorCritic
+
+
+class TrainedPolicy:
+    """Plays what a network has learnt.
+
+    Args:
+        network: actor and critic, on any device.
+        name: what tables call it.
+        use_mask: as in its training.
+        stochastic: sample from the policy rather than take its most probable action.
+    """
+
+    def __init__(
+        self,
+        network: ActorCritic,
+        name: str = "ppo",
+        *,
+        use_mask: bool = False,
+        stochastic: bool = False,
+    ) -> None:
+        self.network = network
+        self.name = name
+        self.use_mask = use_mask
+        self.stochastic = stochastic
+
+    @torch.no_grad()
+    def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:
+        """See `iout_marl.policies.Policy`."""
+        device = self.network.scaler.shift.device
+        observation = torch.as_tensor(world.observe(state), dtype=torch.float32, device=device)
+        mask = None
+        if self.use_mask:
+            mask = torch.as_tensor(world.action_mask(state), device=device)
+        scores = self.network.scores(self.network.scaler(observation), mask)
+        noise = None
+        if self.stochastic:
+            noise = torch.as_tensor(rng.gumbel(size=scores.shape), dtype=torch.float32)
+            noise = noise.to(device)
+        return self.network.choose(scores, noise).cpu().numpy()
