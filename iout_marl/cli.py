@@ -1,0 +1,243 @@
+"""The command line, `iout`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from iout_marl import __version__
+from iout_marl.errors import InputError, did_you_mean
+from iout_marl.evaluation import Evaluation, evaluate
+from iout_marl.policies import BASELINES, make_baseline
+from iout_marl.scenario import Scenario, bundled_names, load_scenario, to_yaml
+from iout_marl.world import pin_layout
+
+if TYPE_CHECKING:
+    from trainers import TrainingOutcome
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="AUVs that charge underwater sensor nodes by sound and collect their data.",
+)
+
+ScenarioArgument = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A bundled name, or a path to a YAML file.")
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Change a key of the scenario; may be repeated."
+    ),
+]
+
+#: Columns of the table of an evaluation: metric, heading, decimals.
+COLUMNS = (
+    ("mean_aoi", "mean AoI", 2),
+    ("final_aoi", "final AoI", 2),
+    ("peak_aoi", "peak AoI", 1),
+    ("jain", "Jain", 3),
+    ("harvested_kj", "harvested kJ", 2),
+    ("uplink_success", "uplinks", 3),
+    ("reward", "reward", 1),
+)
+
+
+def _print_version(value: bool) -> None:  # noqa: FBT001 (Typer calls it so)
+    if value:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    *,
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print it."),
+    ] = False,
+) -> None:
+    """Options of every command."""
+
+
+@app.command()
+def scenarios() -> None:
+    """List the bundled scenarios."""
+    table = Table(box=None, pad_edge=False)
+    for heading in ("scenario", "nodes", "AUVs", "duplex", "reward", ""):
+        table.add_column(heading, justify="right" if heading in ("nodes", "AUVs") else "left")
+    for name in bundled_names():
+        s = load_scenario(name)
+        table.add_row(
+            name, str(s.num_nodes), str(s.num_auvs), s.duplex.kind, s.reward.kind, s.description
+        )
+    _console().print(table)
+
+
+@app.command()
+def show(scenario: ScenarioArgument, overrides: Overrides = None) -> None:
+    """Print a whole scenario, after `extends`, preset and overrides, as YAML."""
+    loaded = load_scenario(scenario, overrides or [])
+    typer.echo(f"# hash {loaded.hash}, of the world alone {loaded.world_hash}")
+    typer.echo(to_yaml(loaded), nl=False)
+
+
+@app.command()
+def train(
+    scenario: ScenarioArgument,
+    out: Annotated[
+        Path | None, typer.Option(metavar="RUN", help="Folder of the run [runs/SCENARIO-sSEED].")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of weights, layouts and actions.")] = 0,
+    steps: Annotated[
+        int | None, typer.Option(min=1, help="Environment steps [the scenario's].")
+    ] = None,
+    device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
+    resume: Annotated[
+        Path | None, typer.Option(metavar="RUN", help="Go on with a run that was stopped.")
+    ] = None,
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="Threads of torch on a CPU [1].")
+    ] = None,
+    overrides: Overrides = None,
+) -> None:
+    """Train a policy by PPO. Ctrl-C saves; --resume goes on."""
+    settings = list(overrides or [])
+    if steps is not None:
+        settings.append(f"training.steps={steps}")
+    loaded = load_scenario(scenario, settings)
+    if resume is not None and out is not None and out != resume:
+        raise InputError("--out and --resume name different folders; --resume goes on in its own")
+
+    import torch
+
+    import trainers
+
+    # More threads than one gain little on networks of this size, and cost much on busy cores.
+    torch.set_num_threads(threads or 1)
+    folder = resume or out or Path("runs") / f"{loaded.name.replace('/', '-')}-s{seed}"
+    outcome = trainers.train(
+        loaded, folder, seed, trainers.find_device(device), resume=resume is not None
+    )
+    _report(outcome, scenario)
+
+
+def _report(outcome: TrainingOutcome, scenario: str) -> None:
+    run = outcome.run.path
+    if outcome.evaluation is None:
+        typer.echo(
+            f"stopped after {outcome.trainer.env_steps:,} environment steps; "
+            f"go on with: iout train {scenario} --resume {run}"
+        )
+        return
+    _print_table([outcome.evaluation])
+    typer.echo(
+        f"trained for {outcome.seconds:.0f} s; the run is in {run} "
+        f"(curves: tensorboard --logdir {run})"
+    )
+
+
+@app.command("evaluate")
+def evaluate_command(
+    scenario: ScenarioArgument,
+    policy: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME|RUN",
+            help=f"{', '.join(BASELINES)}, or the folder of a run; may be repeated "
+            "[all baselines].",
+        ),
+    ] = None,
+    episodes: Annotated[int, typer.Option(min=1, help="Episodes of each policy.")] = 100,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of layouts and chance.")] = 0,
+    json_file: Annotated[
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="Also write the figures as JSON; - prints it."),
+    ] = None,
+    *,
+    transfer: Annotated[
+        bool, typer.Option("--transfer", help="Allow runs of another scenario that fits.")
+    ] = False,
+    overrides: Overrides = None,
+) -> None:
+    """Run policies over seeded episodes; means with 95 % confidence intervals."""
+    loaded = load_scenario(scenario, overrides or [])
+    names = policy or list(BASELINES)
+    results = [_evaluate(loaded, name, episodes, seed, transfer=transfer) for name in names]
+    records = [r.to_json() for r in results]
+    text = json.dumps(records[0] if len(records) == 1 else records, indent=2)
+    if json_file is not None and str(json_file) == "-":
+        typer.echo(text)
+        return
+    if json_file is not None:
+        try:
+            json_file.write_text(text + "\n", encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"{json_file}: can not be written: {error.strerror}") from None
+    _print_table(results)
+
+
+def _evaluate(
+    scenario: Scenario, policy: str, episodes: int, seed: int, *, transfer: bool
+) -> Evaluation:
+    if policy in BASELINES:
+        return evaluate(pin_layout(scenario, seed), make_baseline(policy), episodes, seed)
+    if not Path(policy).is_dir():
+        raise InputError(
+            f"--policy {policy}: neither a baseline nor the folder of a run"
+            + did_you_mean(policy, BASELINES)
+        )
+    import torch
+
+    from trainers.train import load_run
+
+    torch.set_num_threads(1)
+    run, own = load_run(Path(policy), scenario, transfer=transfer)
+    return evaluate(own, run.load_policy(), episodes, seed)
+
+
+def _console() -> Console:
+    # Piped into a file, a table must not be folded to the width of a terminal.
+    return Console(width=None if sys.stdout.isatty() else 160, highlight=False)
+
+
+def _print_table(results: list[Evaluation]) -> None:
+    first = results[0]
+    table = Table(
+        title=f"{first.scenario}: {first.episodes} episodes, seed {first.seed}, "
+        "mean ± half of the 95 % confidence interval",
+        title_justify="left",
+        title_style="",
+    )
+    table.add_column("policy")
+    for _, heading, _ in COLUMNS:
+        table.add_column(heading, justify="right")
+    for result in results:
+        metrics = result.metrics
+        cells = [
+            f"{metrics[name].mean:.{digits}f} ± {metrics[name].margin:.{digits}f}"
+            for name, _, digits in COLUMNS
+        ]
+        table.add_row(result.policy, *cells)
+    _console().print(table)
+
+
+def main(arguments: list[str] | None = None) -> Any:
+    """Entry point: exit status 0, or 2 with one clear line for bad input."""
+    try:
+        app(args=arguments, prog_name="iout")
+    except InputError as error:
+        print(f"iout: {error}", file=sys.stderr)  # noqa: T201
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

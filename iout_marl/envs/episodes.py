@@ -1,0 +1,209 @@
+"""What the faces share: a batch of episodes, from seeds and actions to NumPy arrays.
+
+Every face is a thin translation of this class into another API.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from iout_marl.errors import InputError
+from iout_marl.render import Snapshot, as_picture, as_text
+from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.world import Events, State, World, node_codes, redraws_every_episode
+from iout_marl.world.observation import Ranges
+
+#: Of a slot and an environment, by name: see `Episodes.info`.
+INFO_KEYS = (
+    "mean_aoi",
+    "time_mean_aoi",
+    "peak_aoi",
+    "jain",
+    "harvested_j",
+    "total_harvested_j",
+    "total_spent_j",
+    "delivered",
+    "beta",
+    "age_violations",
+)
+RENDER_MODES = ("ansi", "rgb_array")
+
+FloatArray = npt.NDArray[np.float32]
+
+
+class Episodes:
+    """Episodes of a scenario in a batch that start and end together.
+
+    Args:
+        scenario: a `Scenario`, a bundled name or a path.
+        num_envs: environments in the batch.
+        render_mode: one of `RENDER_MODES`, or None.
+
+    Attributes:
+        world, state: the world and where it is; the state is None before the first reset.
+        observation_space, action_space: of one AUV.
+        state_space: of the vector for central critics.
+
+    Raises:
+        InputError: no such scenario, a fault in it, or an unknown render mode.
+    """
+
+    def __init__(
+        self, scenario: str | Path | Scenario, num_envs: int = 1, render_mode: str | None = None
+    ) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise InputError(f"render_mode must be one of {RENDER_MODES} or None")
+        self.render_mode = render_mode
+        self.scenario = load_scenario(scenario)
+        self.world = World(self.scenario, num_envs)
+        self.state: State | None = None
+        self.events: Events | None = None
+        self.mask_place = self.scenario.observation.action_mask
+        self.action_space = spaces.MultiDiscrete(np.array(self.world.action_sizes))
+        self.state_space = box(self.world.observer.state_ranges)
+        self.vector_space = box(self.world.observer.agent_ranges)
+        self.mask_space = spaces.MultiBinary(sum(self.world.action_sizes))
+        self.observation_space: spaces.Space[Any] = (
+            spaces.Dict({"observation": self.vector_space, "action_mask": self.mask_space})
+            if self.mask_place == "observation"
+            else self.vector_space
+        )
+        self._rngs: list[np.random.Generator] = []
+        self._layout: npt.NDArray[np.int64] | None = None
+        self._sizes = np.array(self.world.action_sizes)
+
+    def reset(self, seeds: Sequence[int | None] | None = None) -> None:
+        """Start the next episode of every environment.
+
+        Args:
+            seeds: a seed for each environment, or None to draw on from its stream. The
+                first reset, and any with a seed, starts a stream; without a seed then
+                from the operating system's entropy.
+        """
+        seeds = [None] * self.world.num_envs if seeds is None else list(seeds)
+        if not self._rngs:
+            self._rngs = [np.random.default_rng(seed) for seed in seeds]
+            self._layout = None
+        elif any(seed is not None for seed in seeds):
+            for i, seed in enumerate(seeds):
+                if seed is not None:
+                    self._rngs[i] = np.random.default_rng(seed)
+            self._layout = None
+        if self._layout is None or redraws_every_episode(self.scenario):
+            self._layout = node_codes(self.scenario, self.world.grid, self._rngs)
+        self.state = self.world.reset(self._layout)
+        self.events = None
+
+    @property
+    def current(self) -> State:
+        """The state.
+
+        Raises:
+            RuntimeError: before the first reset.
+        """
+        if self.state is None:
+            raise RuntimeError("call reset() first")
+        return self.state
+
+    def step(self, action: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """One slot of every environment.
+
+        Args:
+            action: (envs, auvs, entries) integers.
+
+        Returns:
+            (envs, auvs) rewards.
+
+        Raises:
+            ValueError: an action lies outside its space.
+            RuntimeError: the episode is over, or has not begun.
+        """
+        state = self.current
+        if self.is_over:
+            raise RuntimeError("the episode is over: call reset() first")
+        self.state, self.events = self.world.step(state, self._checked(action))
+        reward: npt.NDArray[np.float64] = self.world.reward(self.state, self.events)
+        return reward
+
+    def _checked(self, action: npt.ArrayLike) -> npt.NDArray[np.int64]:
+        values = np.asarray(action)
+        shape = (self.world.num_envs, self.world.num_auvs, len(self._sizes))
+        if values.dtype.kind not in "iu":
+            raise ValueError(f"actions must be integers, not {values.dtype}")
+        if values.shape != shape:
+            raise ValueError(
+                f"an action must have {len(self._sizes)} entries, below {tuple(self._sizes)}: "
+                f"expected an array of shape {shape}, not {values.shape}"
+            )
+        outside = (values < 0) | (values >= self._sizes)
+        if outside.any():
+            worst = values[outside.any(-1)][0]
+            raise ValueError(
+                f"action {worst.tolist()} lies outside MultiDiscrete({self._sizes.tolist()}): "
+                "each entry counts from 0 and stays below its size"
+            )
+        return values.astype(np.int64, copy=False)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the episodes have reached their time limit."""
+        return int(self.current.slot[0]) >= self.world.num_slots
+
+    def observe(self) -> FloatArray:
+        """(envs, auvs, entries) observations, without masks; a fresh array each time."""
+        return self.world.observe(self.current).astype(np.float32)
+
+    def masks(self) -> npt.NDArray[np.int8]:
+        """(envs, auvs, choices): 1 for each sensible choice."""
+        masks: npt.NDArray[np.int8] = self.world.action_mask(self.current).astype(np.int8)
+        return masks
+
+    def observe_globally(self) -> FloatArray:
+        """(envs, entries): the vectors for central critics."""
+        return self.world.observer.observe_globally(self.current).astype(np.float32)
+
+    def info(self) -> dict[str, npt.NDArray[np.float64]]:
+        """What infos tell, by `INFO_KEYS`: (envs,) each, or (envs, auvs) of an AUV's own.
+
+        Of now: `mean_aoi`, the mean age over nodes. Of the episode so far:
+        `time_mean_aoi`, the mean of that over its slots (what an evaluation calls
+        `mean_aoi`); `peak_aoi`, the highest age of any node; `jain`; `total_harvested_j`,
+        `total_spent_j` of all nodes; `age_violations`. Of an AUV in the last slot:
+        `harvested_j`, the energy that it brought to a node; `delivered`, 1 if it received
+        a packet; `beta` (0 in FDD). Before the first slot these are 0.
+        """
+        state, events = self.current, self.events
+        none = np.zeros((self.world.num_envs, self.world.num_auvs))
+        return {
+            "mean_aoi": state.mean_age,
+            "time_mean_aoi": state.age_sum / state.slot if events else state.mean_age,
+            "peak_aoi": state.peak_age,
+            "jain": state.jain,
+            "harvested_j": events.harvested_j if events else none,
+            "total_harvested_j": state.harvested_j,
+            "total_spent_j": state.spent_j,
+            "delivered": events.delivered if events else none,
+            "beta": events.beta if events else none,
+            "age_violations": state.capped_ages,
+        }
+
+    def render(self, env: int = 0) -> str | npt.NDArray[np.uint8] | None:
+        """The picture that `render_mode` names: text, (height, width, 3) pixels, or None."""
+        if self.render_mode is None:
+            return None
+        snapshot = Snapshot.of(self.world, self.current, self.events, env)
+        return as_text(snapshot) if self.render_mode == "ansi" else as_picture(snapshot)
+
+
+def box(ranges: Ranges) -> spaces.Box:
+    """A float32 box that holds whatever lies within the ranges in float64."""
+    low, high = ranges.low.astype(np.float32), ranges.high.astype(np.float32)
+    low = np.where(low > ranges.low, np.nextafter(low, np.float32(-np.inf)), low)
+    high = np.where(high < ranges.high, np.nextafter(high, np.float32(np.inf)), high)
+    return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)

@@ -1,0 +1,123 @@
+"""The world as one `gymnasium.Env`: all AUVs under one controller."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from iout_marl.envs.episodes import RENDER_MODES, Episodes, FloatArray
+from iout_marl.scenario import Scenario
+
+
+class AUVEnv(gymnasium.Env[Any, Any]):
+    """One controller for the whole fleet; with one AUV, the paper's problem as it stands.
+
+    Actions and observations of several AUVs are joined end to end; the reward is the
+    mean of theirs. With one AUV they are exactly those of the ParallelEnv's `auv_0`.
+
+    Args:
+        scenario: a bundled name, a path to a YAML file or a `Scenario`.
+        render_mode: `ansi`, `rgb_array` or None.
+
+    Raises:
+        InputError: no such scenario, or a fault in it.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 4}  # noqa: RUF012
+
+    def __init__(
+        self,
+        scenario: str | Path | Scenario = "paper/k10-fdd",
+        render_mode: str | None = None,
+    ) -> None:
+        self._episodes = Episodes(scenario, render_mode=render_mode)
+        self.render_mode = render_mode
+        self.scenario = self._episodes.scenario
+        self.observation_space, self.action_space = joint_spaces(self._episodes)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start an episode; `seed` starts a new stream of random layouts."""
+        super().reset(seed=seed, options=options)
+        self._episodes.reset([seed])
+        return self._observation(), self._info()
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One slot.
+
+        Raises:
+            ValueError: the action lies outside its space.
+            RuntimeError: the episode is over, or has not begun.
+        """
+        actions = split_actions(self._episodes, np.asarray(action)[None])
+        reward = float(self._episodes.step(actions).mean())
+        return self._observation(), reward, False, self._episodes.is_over, self._info()
+
+    def render(self) -> Any:
+        """Text or pixels of the current slot, as `render_mode` says."""
+        return self._episodes.render()
+
+    def _observation(self) -> Any:
+        joint = joint_observations(self._episodes)
+        return {k: v[0] for k, v in joint.items()} if isinstance(joint, dict) else joint[0]
+
+    def _info(self) -> dict[str, Any]:
+        return {name: value[0] for name, value in joint_info(self._episodes).items()}
+
+
+def joint_spaces(episodes: Episodes) -> tuple[spaces.Space[Any], spaces.MultiDiscrete]:
+    """Observation and action space of a controller of all AUVs."""
+    m = episodes.world.num_auvs
+    vector = episodes.vector_space
+    joint = spaces.Box(np.tile(vector.low, m), np.tile(vector.high, m), dtype=np.float32)
+    actions = spaces.MultiDiscrete(np.tile(episodes.action_space.nvec, m))
+    if episodes.mask_place != "observation":
+        return joint, actions
+    masks = spaces.MultiBinary(int(episodes.mask_space.shape[0]) * m)
+    return spaces.Dict({"observation": joint, "action_mask": masks}), actions
+
+
+def split_actions(episodes: Episodes, actions: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """(envs, auvs · entries) joint actions as (envs, auvs, entries).
+
+    Raises:
+        ValueError: the number of entries is not that of the space.
+    """
+    m, entries = episodes.world.num_auvs, len(episodes.world.action_sizes)
+    if actions.shape[1:] != (m * entries,):
+        raise ValueError(
+            f"an action must have {m * entries} entries, not shape {actions.shape[1:]}"
+        )
+    return actions.reshape(-1, m, entries)
+
+
+def joint_observations(episodes: Episodes) -> FloatArray | dict[str, npt.NDArray[Any]]:
+    """(envs, auvs · entries) observations, with the masks beside them where asked for."""
+    vectors = episodes.observe().reshape(episodes.world.num_envs, -1)
+    if episodes.mask_place != "observation":
+        return vectors
+    masks = episodes.masks().reshape(episodes.world.num_envs, -1)
+    return {"observation": vectors, "action_mask": masks}
+
+
+def joint_info(episodes: Episodes) -> dict[str, npt.NDArray[Any]]:
+    """`Episodes.info` with the AUVs taken together, (envs,) each.
+
+    `harvested_j` and `delivered` are sums over AUVs, `beta` is their mean; the mask,
+    where asked for, is (envs, auvs · choices).
+    """
+    info = episodes.info()
+    combined: dict[str, npt.NDArray[Any]] = {
+        name: np.asarray(value if value.ndim == 1 else value.sum(1), dtype=np.float64)
+        for name, value in info.items()
+    }
+    combined["beta"] = info["beta"].mean(1)
+    if episodes.mask_place == "info":
+        combined["action_mask"] = episodes.masks().reshape(episodes.world.num_envs, -1)
+    return combined

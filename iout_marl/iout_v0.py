@@ -1,0 +1,74 @@
+"""AUVs that charge underwater sensor nodes by sound and collect their data.
+
+| | |
+|---|---|
+| Import | `from iout_marl import iout_v0` |
+| Make | `pettingzoo.make("iout/AUV-v0", scenario=…)` |
+| Actions | discrete |
+| Parallel API | yes |
+| Manual control | no |
+| Agents | `auv_0` … `auv_{M-1}`, one for each AUV of the scenario |
+| Action space | FDD `MultiDiscrete([6, K, K])`, TDD `MultiDiscrete([6, K])` |
+| Observation space | `Box(3 + 2K)`, float32, finite bounds |
+| State space | `Box(3M + 6K + 1)`, float32, finite bounds |
+
+Sensor nodes without batteries lie in a grid of cells of water. In every slot an AUV
+moves one cell, charges one node by acoustic energy transfer and asks one node for its
+packet, which the node sends if the energy it has stored pays for it. The task is to keep
+the data fresh (Age of Information), and to leave no node out (Jain's fairness).
+
+**Actions**: direction (+x, −x, +y, −y, +z, −z), node to charge, node to hear; in TDD one
+node for both. Useless choices are harmless: they cost what the scenario says.
+
+**Observations**: own position in cells, counted from 1 (3), ages of the nodes in slots
+(K), energies stored in the nodes in J (K). The scenario may scale them, append the
+nodes' positions or the time, and add a mask of sensible actions.
+
+**Rewards**: the scenario's, by default the paper's: minus the mean age times the
+discrimination index 1 − J, minus penalties for leaving the grid, for failed uplinks, and
+for a node that is served too often.
+
+**Episodes** have a fixed number of slots (100 in the paper), the same for all AUVs; the
+last slot truncates, it does not terminate.
+
+**Infos** have the same numeric keys from `reset` on: see
+`iout_marl.envs.episodes.Episodes.info`.
+
+**Arguments**: `scenario`, a bundled name (`paper/k10-fdd`), a path to a YAML file or a
+`Scenario`; `render_mode`, `ansi`, `rgb_array` or None.
+
+**Version history**: v0, initial release.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pettingzoo import AECEnv
+from pettingzoo.utils import parallel_to_aec
+from pettingzoo.utils.wrappers import AssertOutOfBoundsWrapper, OrderEnforcingWrapper
+
+from iout_marl.envs.parallel import AUVParallelEnv
+from iout_marl.scenario import Scenario
+
+
+def parallel_env(
+    scenario: str | Path | Scenario = "paper/k10-fdd", render_mode: str | None = None
+) -> AUVParallelEnv:
+    """The environment in PettingZoo's parallel form, its native one."""
+    return AUVParallelEnv(scenario, render_mode)
+
+
+def raw_env(
+    scenario: str | Path | Scenario = "paper/k10-fdd", render_mode: str | None = None
+) -> AECEnv[str, Any, Any]:
+    """The environment in PettingZoo's AEC form, without checks of how it is used."""
+    return parallel_to_aec(AUVParallelEnv(scenario, render_mode))
+
+
+def env(
+    scenario: str | Path | Scenario = "paper/k10-fdd", render_mode: str | None = None
+) -> AECEnv[str, Any, Any]:
+    """The environment in PettingZoo's AEC form."""
+    return OrderEnforcingWrapper(AssertOutOfBoundsWrapper(raw_env(scenario, render_mode)))

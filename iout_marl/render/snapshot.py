@@ -1,0 +1,110 @@
+"""What a picture of one environment shows, in plain NumPy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.scenario import Tdd
+from iout_marl.world import Events, State, World
+
+Integers = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+# eq=False: a comparison of arrays would raise, so snapshots compare by identity.
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """One environment between two slots, and what happened in the slot before.
+
+    The arrays are copies: a snapshot stays as it is while the world goes on. Cells are
+    counted from 1, AUVs and nodes from 0. What belongs to a slot is None before the first.
+    """
+
+    title: str  # name of the scenario
+    grid_shape: tuple[int, int, int]  # cells along x, y and z
+    slot: int  # slots that are over
+    num_slots: int  # slots of an episode
+    auv_positions: Integers  # (auvs, 3) cells
+    node_positions: Integers  # (nodes, 3) cells
+    ages: Floats  # (nodes,) slots: Age of Information A_k
+    maximum_age: float  # slots: A_max
+    energies_j: Floats  # (nodes,) J: energy stored
+    price_j: float  # J: energy of an uplink over half the grid
+    mean_age: float  # slots: mean age over nodes
+    jain: float  # Jain's index of the deliveries so far
+    total_harvested_j: float  # J: energy harvested by all nodes so far
+    is_tdd: bool  # whether charging and uplink share the slot
+    charged: Integers | None  # (auvs,) node charged in the last slot
+    heard: Integers | None  # (auvs,) node asked for its packet in the last slot
+    delivered: Flags | None  # (auvs,) whether the packet arrived
+    beta: Floats | None  # (auvs,) TDD's share of the last slot for charging; 0 in FDD
+
+    @classmethod
+    def of(cls, world: World, state: State, events: Events | None, env: int = 0) -> Snapshot:
+        """The snapshot of one environment of a batch.
+
+        Args:
+            world: the world, on NumPy.
+            state: where it is.
+            events: what happened in the slot before, or None before the first.
+            env: index of the environment.
+        """
+        coordinates = world.grid.coordinate_table() + 1
+        return cls(
+            title=world.scenario.name,
+            grid_shape=world.grid.shape,
+            slot=int(state.slot[env]),
+            num_slots=world.num_slots,
+            auv_positions=coordinates[state.cell[env]],
+            node_positions=coordinates[state.node_cell[env]],
+            ages=np.array(state.age[env], dtype=np.float64),
+            maximum_age=float(world.scenario.age.maximum),
+            energies_j=np.array(state.energy_j[env], dtype=np.float64),
+            price_j=float(world.observer.price_j),
+            mean_age=float(state.mean_age[env]),
+            jain=float(state.jain[env]),
+            total_harvested_j=float(state.harvested_j[env]),
+            is_tdd=isinstance(world.scenario.duplex, Tdd),
+            charged=None if events is None else np.array(events.charged[env], dtype=np.int64),
+            heard=None if events is None else np.array(events.heard[env], dtype=np.int64),
+            delivered=None if events is None else np.array(events.delivered[env], dtype=np.bool_),
+            beta=None if events is None else np.array(events.beta[env], dtype=np.float64),
+        )
+
+    @property
+    def num_auvs(self) -> int:
+        return len(self.auv_positions)
+
+    @property
+    def num_nodes(self) -> int:
+        return len(self.node_positions)
+
+    @property
+    def energy_yardstick_j(self) -> float:
+        """What a full gauge of energy stands for, in J: `price_j` wherever that is a number."""
+        if math.isfinite(self.price_j) and self.price_j > 0:
+            return self.price_j
+        return max(float(self.energies_j.max()), 1.0)
+
+    def charging(self) -> list[tuple[int, int]]:
+        """Who charged whom in the last slot: pairs of an AUV and a node."""
+        if self.charged is None or self.beta is None:
+            return []
+        # In TDD β = 0 leaves no time for charging; in FDD β is 0 throughout.
+        return [
+            (auv, int(node))
+            for auv, node in enumerate(self.charged)
+            if not self.is_tdd or self.beta[auv] > 0
+        ]
+
+    def hearing(self) -> list[tuple[int, int, bool]]:
+        """Who asked whom in the last slot: AUV, node, and whether the packet arrived."""
+        if self.heard is None or self.delivered is None:
+            return []
+        pairs = zip(self.heard, self.delivered, strict=True)
+        return [(auv, int(node), bool(arrived)) for auv, (node, arrived) in enumerate(pairs)]
