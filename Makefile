@@ -1,0 +1,55 @@
+# make demo   train the paper's smallest scenario and compare it with the baselines
+# make test   lint, types and the whole test suite
+# make bench  speed of environment and trainer, side by side with others
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO := runs/demo
+
+.PHONY: demo test lint types pytest format bench clean
+
+# Each stamp stands for an installation that need not be repeated.
+RUNTIME := $(VENV)/.runtime-installed
+TEST := $(VENV)/.test-installed
+
+$(RUNTIME): pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed" if sys.version_info < (3, 11) else 0)'
+	$(PYTHON) -m venv $(VENV)
+	# torch first, at its exact version: any range would draw in GPU packages of several GB.
+	$(BIN)/pip install --quiet --disable-pip-version-check torch==2.13.0
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt hatchling
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable .
+	touch $@
+
+$(TEST): $(RUNTIME)
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable '.[test]'
+	touch $@
+
+demo: $(RUNTIME)
+	rm -rf $(DEMO)
+	$(BIN)/iout train paper/k3-fdd --out $(DEMO)
+	$(BIN)/iout evaluate paper/k3-fdd --policy $(DEMO) --policy greedy --policy round-robin --policy random-walk
+
+test: lint types pytest
+
+lint: $(TEST)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(TEST)
+	$(BIN)/mypy
+
+pytest: $(TEST)
+	$(BIN)/pytest -n auto
+
+format: $(TEST)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(TEST)
+	$(BIN)/python benchmarks/environment.py
+	$(BIN)/python benchmarks/training.py
+
+clean:
+	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -1,0 +1,96 @@
+"""Training steps a second: this trainer beside Stable-Baselines3's PPO.
+
+Both train on the same scenario from rollout to update, logs off. Stable-Baselines3 runs
+on the joint Gymnasium environment at the paper's settings (8 environments, 100 slots and
+minibatches of 100, 10 epochs); this trainer at the same settings, and at its default
+preset. The three take turns; the median is what counts, the ratio is to
+Stable-Baselines3 in the same round. Every subject runs with `--threads` torch threads.
+
+    python benchmarks/training.py [--scenario paper/k10-fdd] [--repeats 3] [--threads 1]
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+
+import machine
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from iout_marl.envs import AUVEnv
+from iout_marl.scenario import load_scenario
+from trainers import Trainer
+
+
+def stable_baselines3(name: str, steps: int = 8_000) -> float:
+    """Stable-Baselines3 at the paper's settings."""
+    settings = load_scenario(name, {"training.preset": "paper"}).training
+    vec_env = DummyVecEnv([lambda: AUVEnv(name) for _ in range(settings.environments)])
+    model = PPO(
+        "MlpPolicy",
+        vec_env,
+        learning_rate=settings.learning_rate,
+        n_steps=settings.rollout_slots,
+        batch_size=settings.environments * settings.rollout_slots // settings.minibatches,
+        n_epochs=settings.epochs,
+        gamma=settings.discount,
+        gae_lambda=settings.gae_lambda,
+        clip_range=settings.clip,
+        ent_coef=settings.entropy_coefficient,
+        device="cpu",
+        seed=0,
+    )
+    started = time.perf_counter()
+    model.learn(steps)
+    return steps / (time.perf_counter() - started)
+
+
+def this_trainer(preset: str, iterations: int) -> Callable[[str], float]:
+    """This trainer at one of its presets."""
+
+    def measure(name: str) -> float:
+        trainer = Trainer(load_scenario(name, {"training.preset": preset}))
+        trainer.iterate()  # the first one warms caches and allocators
+        started = time.perf_counter()
+        for _ in range(iterations):
+            trainer.iterate()
+        return iterations * trainer.steps_per_iteration / (time.perf_counter() - started)
+
+    return measure
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenario", default="paper/k10-fdd")
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--threads", type=int, default=1)
+    options = parser.parse_args()
+    torch.set_num_threads(options.threads)
+    reference = "Stable-Baselines3, paper's settings"
+    subjects: dict[str, Callable[[str], float]] = {
+        reference: stable_baselines3,
+        "this trainer, paper's settings": this_trainer("paper", 10),
+        "this trainer, preset fast": this_trainer("fast", 5),
+    }
+    rates: dict[str, list[float]] = {name: [] for name in subjects}
+    for _ in range(options.repeats):
+        for name, measure in subjects.items():
+            rates[name].append(measure(options.scenario))
+    print(machine.describe())
+    print(
+        f"training steps a second, {options.scenario}, {options.threads} torch thread(s), "
+        f"{options.repeats} rounds\n"
+    )
+    print(f"{'':38s}{'median':>10s}{'min':>10s}{'max':>10s}{'ratio':>8s}")
+    for name, values in rates.items():
+        ratio = statistics.median(v / s for v, s in zip(values, rates[reference], strict=True))
+        row = (statistics.median(values), min(values), max(values))
+        print(f"{name:38s}" + "".join(f"{v:10,.0f}" for v in row) + f"{ratio:8.1f}")
+
+
+if __name__ == "__main__":
+    main()
