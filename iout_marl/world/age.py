@@ -20,7 +20,7 @@ def advance(xp: Any, age: Array, delivered: Array, maximum: Array) -> tuple[Arra
         the ages A_k(t + 1), and 1 for each that A_max has cut short, else 0; (envs,
         nodes) each.
     """
-    uncut = age * ~delivered + 1
+    uncut = xp.where(delivered, 0.0, age) + 1
     new_age = xp.minimum(uncut, maximum)
     return new_age, uncut - new_age
 

@@ -143,7 +143,7 @@ class World:
         served = nodes.any(heard_hot, delivered)
         age, cut_short = advance(xp, state.age, served, self._maximum_age)
         mean_age = nodes.mean(age)
-        deliveries = state.deliveries + served
+        deliveries = xp.where(served, state.deliveries + 1, state.deliveries)
 
         new_state = State(
             slot=state.slot + 1,

@@ -1,0 +1,99 @@
+"""The same lines of the world on every array library, device and compiler."""
+
+import array_api_strict
+import numpy as np
+import pytest
+import torch
+
+from iout_marl.scenario import load_scenario
+from iout_marl.world import State, World, node_codes
+
+WORLDS = {
+    "fdd": ("paper/k3-fdd", {}),
+    "tdd": ("paper/k3-tdd", {}),
+    "stored-rule": ("best/k3-tdd", {}),
+    "three-auvs": (
+        "paper/k5-fdd",
+        {
+            "auvs.start_cells": [[5, 5, 2], [1, 1, 1], [9, 9, 4]],
+            "observation": {"kind": "scaled", "node_positions": True, "time": True},
+            "reward.unserved_penalty": 1.0,
+            "reward.no_able_node_penalty": 1.0,
+        },
+    ),
+}
+
+
+def make_world(case, num_envs, **backend):
+    scenario = load_scenario(*WORLDS[case])
+    world = World(scenario, num_envs, **backend)
+    rngs = [np.random.default_rng(i) for i in range(num_envs)]
+    return world, world.reset(node_codes(scenario, world.grid, rngs))
+
+
+def random_actions(world, slots, seed=0):
+    rng = np.random.default_rng(seed)
+    shape = (slots, world.num_envs, world.num_auvs)
+    return np.stack([rng.integers(0, n, shape) for n in world.action_sizes], axis=-1)
+
+
+def everything(world, state, events):
+    return {
+        "state": world.observer.observe_globally(state),
+        "observation": world.observe(state),
+        "reward": world.reward(state, events),
+        "mask": world.action_mask(state),
+        **world.metrics(state),
+    }
+
+
+def as_numpy(array):
+    return array.numpy() if isinstance(array, torch.Tensor) else np.asarray(array)
+
+
+@pytest.mark.parametrize("library", [array_api_strict, torch], ids=["strict", "torch"])
+@pytest.mark.parametrize("case", WORLDS)
+def test_other_libraries_agree_with_numpy(case, library):
+    reference, expected = make_world(case, 3)
+    world, state = make_world(case, 3, library=library)
+    for action in random_actions(world, 40):
+        expected, expected_events = reference.step(expected, action)
+        state, events = world.step(state, world.backend.integers(action))
+        result = everything(world, state, events)
+        for name, value in everything(reference, expected, expected_events).items():
+            np.testing.assert_allclose(
+                as_numpy(result[name]), value, rtol=1e-12, atol=1e-9, err_msg=name
+            )
+
+
+@pytest.mark.parametrize("library", [np, torch], ids=["numpy", "torch"])
+@pytest.mark.parametrize("case", WORLDS)
+def test_single_precision_stays_single(case, library):
+    world, state = make_world(case, 2, library=library, dtype="float32")
+    state, events = world.step(state, world.backend.integers(random_actions(world, 1)[0]))
+    for name, value in everything(world, state, events).items():
+        if name != "mask":
+            assert value.dtype == library.float32, name
+    assert state.energy_j.dtype == library.float32
+
+
+# array_api_compat caches which library an array is of; the compiler looks through that.
+@pytest.mark.filterwarnings("ignore:Dynamo detected a call to a `functools.lru_cache`")
+@pytest.mark.parametrize("case", WORLDS)
+def test_a_step_compiles_into_one_graph(case):
+    world, state = make_world(case, 2, library=torch)
+
+    def step(state: State, action):
+        state, events = world.step(state, action)
+        return state, world.reward(state, events), world.observe(state)
+
+    torch.compiler.reset()
+    compiled = torch.compile(step, fullgraph=True, backend="eager")
+    for action in random_actions(world, 3):
+        tensors = torch.from_numpy(action)
+        expected = step(state, tensors)
+        result = compiled(state, tensors)
+        assert torch.equal(result[0].energy_j, expected[0].energy_j)
+        assert torch.equal(result[1], expected[1])
+        assert torch.equal(result[2], expected[2])
+        state = result[0]
