@@ -49,6 +49,7 @@ def _header(s: Snapshot) -> str:
     return "   ".join(
         [
             shortened(s.title, 32),
+            "TDD" if s.is_tdd else "FDD",
             f"slot {s.slot}/{s.num_slots}",
             f"mean AoI {s.mean_age:.2f}",
             f"Jain {s.jain:.2f}",

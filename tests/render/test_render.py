@@ -1,0 +1,299 @@
+"""What text and picture show, and that they keep to themselves."""
+
+import re
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iout_marl.policies import make_baseline
+from iout_marl.render import Snapshot, as_picture, as_text
+from iout_marl.render.labels import auv_name, energy_text
+from iout_marl.render.layout import axis_top, freest, place_auvs, place_nodes, round_step
+from iout_marl.scenario import load_scenario
+from iout_marl.world import World, node_codes
+
+THREE_AUVS = {"auvs.start_cells": [[5, 5, 2], [1, 1, 1], [9, 9, 4]]}
+RANDOM_NODES = {"nodes.kind": "random", "nodes.count": 40}
+CROWD = {
+    "grid.cells": [60, 45, 9],
+    "nodes.kind": "random",
+    "nodes.count": 120,
+    "auvs.start_cells": [[i + 1, i + 1, 1] for i in range(30)],
+}
+ONE_CELL = {
+    "grid.cells": [1, 1, 1],
+    "nodes.cells": [[1, 1, 1]],
+    "nodes.count": 1,
+    "auvs.start_cells": [[1, 1, 1]],
+    "age.maximum": 1,
+}
+SITUATIONS = {
+    "fdd": ("paper/k10-fdd", {}, 20),
+    "tdd": ("paper/k3-tdd", {}, 20),
+    "first": ("paper/k3-tdd", {}, 0),
+    "three-auvs": ("paper/k10-fdd", THREE_AUVS, 9),
+    "40-nodes": ("paper/k10-fdd", RANDOM_NODES, 9),
+    "crowd": ("paper/k10-fdd", CROWD, 9),
+    "one-cell": ("paper/k3-tdd", ONE_CELL, 3),
+    "sonar": ("paper/k10-fdd", {"channel.kind": "sonar"}, 9),
+}
+some_situation = pytest.mark.parametrize("name", SITUATIONS)
+
+
+def play(scenario, overrides=(), slots=0, policy="random-walk"):
+    """A snapshot after some slots."""
+    world = World(load_scenario(scenario, overrides))
+    rng = np.random.default_rng(0)
+    state, events = world.reset(node_codes(world.scenario, world.grid, [rng])), None
+    for _ in range(slots):
+        action = make_baseline(policy).act(world, state, rng)
+        state, events = world.step(state, action)
+    return Snapshot.of(world, state, events)
+
+
+def situation(name):
+    return play(*SITUATIONS[name])
+
+
+@pytest.fixture(scope="module")
+def fdd():
+    return situation("fdd")
+
+
+@pytest.fixture(scope="module")
+def fdd_picture(fdd):
+    return as_picture(fdd)
+
+
+def rows_of_nodes(text):
+    """Rows of the table of nodes by number."""
+    _, table = text.split("last slot\n")
+    return {int(row.split()[0]): row for row in table.split("\n") if row[:4].strip().isdigit()}
+
+
+def map_places(text):
+    """What stands in the map, place by place."""
+    rows = re.findall(r"^y? *\d+ \|(.*)$", text, flags=re.MULTILINE)
+    return [place for row in rows for place in row.split() if place != "."]
+
+
+def test_snapshot_is_that_of_the_environment_asked_for():
+    world = World(load_scenario("paper/k3-tdd"), num_envs=2)
+    state = world.reset(node_codes(world.scenario, world.grid, [np.random.default_rng(0)] * 2))
+    state, events = world.step(state, np.array([[[0, 1]], [[3, 2]]]))
+    first, second = (Snapshot.of(world, state, events, env) for env in range(2))
+    assert first.auv_positions.tolist() == [[6, 5, 2]]
+    assert second.auv_positions.tolist() == [[5, 4, 2]]
+    assert (first.charged.tolist(), second.heard.tolist()) == ([1], [2])
+    assert first.node_positions.tolist() == [[1, 1, 1], [8, 5, 2], [5, 10, 3]]
+    assert first.beta[0] == events.beta[0, 0]
+    assert first.is_tdd
+    assert (first.slot, first.num_slots, first.maximum_age) == (1, 100, 50)
+
+
+def test_snapshot_outlives_the_state():
+    world = World(load_scenario("paper/k3-fdd"))
+    state = world.reset(node_codes(world.scenario, world.grid, [np.random.default_rng(0)]))
+    snapshot = Snapshot.of(world, state, None)
+    state.age[:] = 7
+    state.energy_j[:] = 7
+    assert snapshot.ages.tolist() == [1, 1, 1]
+    assert snapshot.energies_j.tolist() == [0, 0, 0]
+
+
+def test_nobody_charges_in_a_tdd_slot_that_is_all_uplink():
+    tdd = replace(situation("tdd"), beta=np.zeros(1))
+    assert tdd.charging() == []
+    assert len(replace(tdd, beta=np.ones(1)).charging()) == 1
+    assert len(replace(tdd, is_tdd=False).charging()) == 1
+
+
+@pytest.mark.parametrize("name", ["first", "tdd", "three-auvs", "40-nodes", "crowd", "one-cell"])
+def test_picture_is_of_one_size_whatever_it_shows(name):
+    picture = as_picture(replace(situation(name), title="costs $5_000 and $\\frac \n"))
+    assert picture.shape == (600, 960, 3)
+    assert picture.dtype == np.uint8
+    assert picture.flags.owndata
+    assert picture.std() > 10
+
+
+def test_picture_of_one_snapshot_is_always_the_same(fdd, fdd_picture):
+    np.testing.assert_array_equal(as_picture(fdd), fdd_picture)
+
+
+def moved(array, index, value):
+    array = array.copy()
+    array[index] = value
+    return array
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda s: {"auv_positions": moved(s.auv_positions, 0, (1, 2, 3))},
+        lambda s: {"ages": moved(s.ages, 0, s.ages[0] + 3)},
+        lambda s: {"energies_j": moved(s.energies_j, 0, s.energies_j[0] + 90)},
+        lambda s: {"charged": (s.charged + 1) % s.num_nodes},
+        lambda s: {"delivered": ~s.delivered},
+        lambda s: {"slot": s.slot + 1},
+    ],
+    ids=["AUV moved", "age", "energy", "charged", "delivered", "slot"],
+)
+def test_what_changes_in_the_world_changes_text_and_picture(fdd, fdd_picture, change):
+    changed = replace(fdd, **change(fdd))
+    assert (as_picture(changed) != fdd_picture).any()
+    assert as_text(changed) != as_text(fdd)
+
+
+@some_situation
+def test_text_keeps_to_100_columns(name):
+    text = as_text(situation(name))
+    assert max(len(line) for line in text.split("\n")) <= 100
+    assert "\x1b" not in text
+
+
+def test_text_keeps_to_100_columns_when_every_auv_serves_one_node():
+    crowd = situation("crowd")
+    one = np.full(crowd.num_auvs, 3)
+    text = as_text(replace(crowd, charged=one, heard=one, title="long " * 40))
+    assert max(len(line) for line in text.split("\n")) <= 100
+
+
+def test_text_has_every_node_on_the_map_and_in_the_table(fdd):
+    text = as_text(fdd)
+    numbers = [str(k) for k in range(1, 11)]
+    # The AUV stands beside the number of a node in its cell.
+    assert sorted(place.strip("@") for place in map_places(text)) == sorted([*numbers, ""])
+    rows = rows_of_nodes(text)
+    assert sorted(rows) == list(range(1, 11))
+    for k, row in rows.items():
+        cell, age = row.split()[1:3]
+        assert cell == ",".join(str(c) for c in fdd.node_positions[k - 1])
+        assert int(age) == fdd.ages[k - 1]
+
+
+def test_map_has_x_to_the_right_and_y_up():
+    lines = as_text(situation("first")).split("\n")
+    top, bottom = (line for line in lines if re.match(r"y? *(10|1) \|", line))
+    assert top.split("|")[1].split().index("3") == 4  # node 3 at (5, 10)
+    assert bottom.split("|")[1].split().index("1") == 0  # node 1 at (1, 1)
+
+
+def test_text_marks_what_was_charged_heard_and_delivered(fdd):
+    served = replace(fdd, charged=np.array([3]), heard=np.array([6]), delivered=np.array([False]))
+    rows = rows_of_nodes(as_text(served))
+    assert rows[4].endswith("  charged")
+    assert rows[7].endswith("  heard")
+    assert not any(re.search("[a-z]{4}", row) for k, row in rows.items() if k not in (4, 7))
+    rows = rows_of_nodes(as_text(replace(served, delivered=np.array([True]))))
+    assert rows[7].endswith("  heard  delivered")
+
+
+def test_text_says_which_auv_it_was():
+    three = replace(
+        situation("three-auvs"),
+        charged=np.array([0, 0, 1]),
+        heard=np.array([2, 2, 0]),
+        delivered=np.array([False, True, False]),
+    )
+    text = as_text(three)
+    rows = rows_of_nodes(text)
+    assert rows[1].endswith("charged A,B  heard C")
+    assert rows[2].endswith("charged C")
+    assert rows[3].endswith("heard A,B  delivered B")
+    assert {"A", "B", "C"} <= set("".join(map_places(text)))
+
+
+def test_text_before_the_first_slot_marks_nothing():
+    text = as_text(situation("first"))
+    assert "slot 0/100" in text
+    assert not re.search("charged|heard|delivered|beta", text)
+
+
+def test_text_of_tdd_gives_beta():
+    assert "beta 0.25" in as_text(replace(situation("tdd"), beta=np.array([0.25])))
+
+
+def test_text_clips_long_tables_and_scales_large_maps():
+    text = as_text(situation("crowd"))
+    assert sorted(rows_of_nodes(text)) == list(range(1, 41))
+    assert "… and 80 more" in text
+    assert "… and 18 more AUVs" in text
+    assert "one place is 3 x 3 cells" in text
+    assert len(text.split("\n")) < 100
+
+
+def test_importing_the_package_loads_no_matplotlib_and_drawing_leaves_none_changed():
+    program = """
+import sys
+import iout_marl.render
+assert "matplotlib" not in sys.modules, "loaded by the import"
+import matplotlib
+from test_render import play
+# As a plain dict: to ask rcParams for the backend is to load pyplot.
+before = matplotlib.rcParams.copy()
+iout_marl.render.as_picture(play("paper/k3-tdd", slots=3))
+assert dict.__eq__(matplotlib.rcParams, before), "rcParams changed"
+assert "matplotlib.pyplot" not in sys.modules, "pyplot loaded"
+"""
+    result = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        cwd=__file__.rpartition("/")[0],
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+
+
+def test_nodes_of_one_cell_stand_beside_one_another_within_it():
+    cells = np.array([[1, 1], [4, 4], [4, 4], [4, 4], [7, 2], [7, 2]])
+    centres, radii = place_nodes(cells, smallest=0.01)
+    assert np.abs(centres - cells).max() + radii[1:].max() <= 0.5
+    assert centres[0].tolist() == [1, 1]
+    for i in range(len(cells)):
+        for j in range(i):
+            assert np.linalg.norm(centres[i] - centres[j]) > radii[i] + radii[j]
+
+
+def test_auvs_of_one_cell_are_told_apart():
+    cells = np.array([[2, 2], [2, 2], [3, 3]])
+    centres, sizes = place_auvs(cells, np.array([[3, 3]]), up=-1)
+    assert centres[0].tolist() != centres[1].tolist()
+    assert centres[2, 1] < 3  # above the node, where the axis runs downwards
+    assert (sizes < 1).all()
+
+
+def test_label_stands_where_it_hides_least():
+    places = [(5.0, 4.5), (5.0, 5.5), (6.0, 5.0)]
+    below, above = np.array([[5.0, 4.5]]), np.array([5.0, 9.0])
+    assert freest(places, (0.3, 0.2), np.array([[1.0, 1.0]]), [], (10, 10)) == 0
+    assert freest(places, (0.3, 0.2), below, [], (10, 10)) == 1
+    assert freest(places, (0.3, 0.2), below, [(np.array([5.0, 5.0]), above)], (10, 10)) == 2
+    assert freest(places, (0.3, 0.2), below, [], (5, 4)) == 0  # rather than outside the grid
+
+
+def test_axis_of_energies_holds_the_many_and_cuts_the_few():
+    assert axis_top(np.zeros(3), 250) == 600
+    assert axis_top(np.array([30.0, 1.0, 3.0]), 250) == 40
+    assert axis_top(np.array([9000.0, 90.0, 200.0]), 250) == 600
+    assert axis_top(np.array([9000.0, 7000.0, 5000.0]), 250) == 8000
+
+
+@pytest.mark.parametrize(
+    ("energy_j", "text"),
+    [(0, "0 J"), (4e-14, "0 J"), (252.5, "252 J"), (999.9, "1 kJ"), (1.25e-8, "12.5 nJ")],
+)
+def test_energies_have_three_digits_and_a_unit(energy_j, text):
+    assert energy_text(energy_j) == text
+
+
+def test_auvs_are_named_as_columns_of_a_sheet():
+    assert [auv_name(i) for i in (0, 25, 26, 52)] == ["A", "Z", "AA", "BA"]
+
+
+def test_steps_are_round():
+    assert [round_step(x) for x in (0.1, 1, 1.5, 3, 7, 14, 450)] == [1, 1, 2, 5, 10, 20, 500]
