@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, NoReturn, cast
 
 import typer
 from rich.console import Console
@@ -21,8 +24,12 @@ from iout_marl.world import pin_layout
 if TYPE_CHECKING:
     from trainers import TrainingOutcome
 
+#: What Typer raises for a command line that it can not read.
+UsageError = cast("type[Exception]", typer.BadParameter.__base__)
+#: Seeds of torch have 64 bits.
+MAX_SEED = 2**64 - 1
+
 app = typer.Typer(
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -96,7 +103,9 @@ def train(
     out: Annotated[
         Path | None, typer.Option(metavar="RUN", help="Folder of the run [runs/SCENARIO-sSEED].")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of weights, layouts and actions.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MAX_SEED, help="Seed of weights, layouts and actions.")
+    ] = 0,
     steps: Annotated[
         int | None, typer.Option(min=1, help="Environment steps [the scenario's].")
     ] = None,
@@ -123,19 +132,22 @@ def train(
 
     # More threads than one gain little on networks of this size, and cost much on busy cores.
     torch.set_num_threads(threads or 1)
-    folder = resume or out or Path("runs") / f"{loaded.name.replace('/', '-')}-s{seed}"
+    name = re.sub(r"[^\w.-]+", "-", loaded.name)
+    folder = resume or out or Path("runs") / f"{name}-s{seed}"
     outcome = trainers.train(
         loaded, folder, seed, trainers.find_device(device), resume=resume is not None
     )
-    _report(outcome, scenario)
+    _report(outcome, scenario, settings)
 
 
-def _report(outcome: TrainingOutcome, scenario: str) -> None:
+def _report(outcome: TrainingOutcome, scenario: str, settings: list[str]) -> None:
     run = outcome.run.path
     if outcome.evaluation is None:
+        words = ["iout", "train", scenario, "--resume", str(run)]
+        words += [word for setting in settings for word in ("--set", setting)]
         typer.echo(
             f"stopped after {outcome.trainer.env_steps:,} environment steps; "
-            f"go on with: iout train {scenario} --resume {run}"
+            f"go on with: {shlex.join(words)}"
         )
         return
     _print_table([outcome.evaluation])
@@ -190,7 +202,7 @@ def _evaluate(
 ) -> Evaluation:
     if policy in BASELINES:
         return evaluate(pin_layout(scenario, seed), make_baseline(policy), episodes, seed)
-    if not Path(policy).is_dir():
+    if not os.path.isdir(policy):  # noqa: PTH112 (Path raises where a name is too long)
         raise InputError(
             f"--policy {policy}: neither a baseline nor the folder of a run"
             + did_you_mean(policy, BASELINES)
@@ -222,21 +234,36 @@ def _print_table(results: list[Evaluation]) -> None:
         table.add_column(heading, justify="right")
     for result in results:
         metrics = result.metrics
-        cells = [
-            f"{metrics[name].mean:.{digits}f} ± {metrics[name].margin:.{digits}f}"
-            for name, _, digits in COLUMNS
-        ]
+        cells = []
+        for name, _, digits in COLUMNS:
+            cells.append(f"{metrics[name].mean:.{digits}f}")
+            if result.episodes > 1:
+                cells[-1] += f" ± {metrics[name].margin:.{digits}f}"
         table.add_row(result.policy, *cells)
     _console().print(table)
 
 
-def main(arguments: list[str] | None = None) -> Any:
+def main(arguments: list[str] | None = None) -> NoReturn:
     """Entry point: exit status 0, or 2 with one clear line for bad input."""
+    arguments = sys.argv[1:] if arguments is None else arguments
     try:
-        app(args=arguments, prog_name="iout")
+        status = app(args=arguments or ["--help"], prog_name="iout", standalone_mode=False)
     except InputError as error:
-        print(f"iout: {error}", file=sys.stderr)  # noqa: T201
-        sys.exit(2)
+        _fail(str(error))
+    except UsageError as error:
+        _fail(f"{getattr(error, 'format_message', error.__str__)()} (see: iout --help)")
+    except OSError as error:
+        _fail(f"{error.filename or 'input or output'}: {error.strerror}")
+    except MemoryError:
+        _fail("not enough memory")
+    except typer.Abort:
+        status = 130
+    sys.exit(status)
+
+
+def _fail(message: str) -> NoReturn:
+    print(f"iout: {message}", file=sys.stderr)  # noqa: T201
+    sys.exit(2)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,10 @@ class InputError(ValueError):
     The command line prints the message and leaves with exit status 2.
     """
 
+    def __init__(self, message: str) -> None:
+        # Keys and values of the user's may hold line breaks.
+        super().__init__("".join(c if c.isprintable() else repr(c)[1:-1] for c in message))
+
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """'; did you mean 'x'?' for the known word nearest to `word`, or the list of all."""

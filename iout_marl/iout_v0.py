@@ -3,7 +3,7 @@
 | | |
 |---|---|
 | Import | `from iout_marl import iout_v0` |
-| Make | `pettingzoo.make("iout/AUV-v0", scenario=…)` |
+| Make | `pettingzoo.make("parallel", "iout/AUV-v0", scenario=…)`, or `"aec"` |
 | Actions | discrete |
 | Parallel API | yes |
 | Manual control | no |
@@ -35,7 +35,8 @@ last slot truncates, it does not terminate.
 `iout_marl.envs.episodes.Episodes.info`.
 
 **Arguments**: `scenario`, a bundled name (`paper/k10-fdd`), a path to a YAML file or a
-`Scenario`; `render_mode`, `ansi`, `rgb_array` or None.
+`Scenario`; `render_mode`: `human` prints every slot, `render` returns text with `ansi`
+and pixels with `rgb_array`; None draws nothing.
 
 **Version history**: v0, initial release.
 """

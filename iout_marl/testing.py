@@ -1,4 +1,4 @@
-"""Checks of a PettingZoo ParallelEnv that the usual suites leave out.
+"""Checks of multi-agent and batched environments that the usual suites leave out.
 
 PettingZoo's own tests let wrong dtypes, observations outside their space, NaN rewards
 and non-determinism after the first step pass. `check_parallel_env` runs whole episodes
@@ -7,6 +7,8 @@ and raises `AssertionError` with what it found:
     from iout_marl import iout_v0
     from iout_marl.testing import check_parallel_env
     check_parallel_env(lambda: iout_v0.parallel_env("paper/k3-fdd"))
+
+`check_vector_env` compares a batched environment with single ones, number for number.
 """
 
 from __future__ import annotations
@@ -15,11 +17,12 @@ import copy
 import math
 import pickle
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 #: Makes a new environment.
 EnvFactory: TypeAlias = Callable[[], Any]
@@ -27,10 +30,12 @@ EnvFactory: TypeAlias = Callable[[], Any]
 Record: TypeAlias = list[Any]
 
 SEEDS = (0, 1, 12345)
+#: An episode that is longer is taken to have no end.
+MAX_SLOTS = 10_000
 
 
 def check_parallel_env(make: EnvFactory, seeds: tuple[int, ...] = SEEDS) -> None:
-    """Run every check of this module.
+    """Run every check of a PettingZoo ParallelEnv.
 
     Args:
         make: makes a new environment.
@@ -55,23 +60,37 @@ def sample_actions(env: Any, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _sample(space: spaces.Space[Any], rng: np.random.Generator) -> Any:
-    if isinstance(space, spaces.MultiDiscrete):
-        return rng.integers(0, space.nvec).astype(space.dtype)
-    if isinstance(space, spaces.Discrete):
-        return int(space.start + rng.integers(0, space.n))
-    assert isinstance(space, spaces.Box), f"no sampler for {space}"
-    return rng.uniform(space.low, space.high).astype(space.dtype)
+    twin = copy.deepcopy(space)
+    twin.seed(int(rng.integers(2**31)))
+    return twin.sample()
 
 
-def play(env: Any, seed: int, *, reset: bool = True) -> Record:
-    """Play one episode of random actions to its end; returns deep copies of all handed out."""
+def _slots(env: Any, rng: np.random.Generator) -> Iterator[Any]:
+    """What each `step` returns under random actions, up to the end of the episode."""
+    for _ in range(MAX_SLOTS):
+        if not env.agents:
+            return
+        yield env.step(sample_actions(env, rng))
+    raise AssertionError(f"the episode has no end within {MAX_SLOTS} slots")
+
+
+def _snapshot(env: Any, returned: Any) -> Any:
+    """A deep copy of what was returned, and of the state where there is one."""
+    state = env.state() if hasattr(env, "state_space") else None
+    return copy.deepcopy((returned, state))
+
+
+def play(env: Any, seed: int) -> Record:
+    """Reset by the seed and play an episode of random actions; returns copies of all handed out."""
+    return [_snapshot(env, env.reset(seed=seed)), *play_on(env, seed)]
+
+
+def play_on(env: Any, seed: int) -> Record:
+    """Play a running episode to its end, and one more without a seed, by random actions."""
     rng = np.random.default_rng(seed)
-    record: Record = []
-    if reset:
-        record.append(copy.deepcopy(env.reset(seed=seed)))
-    while env.agents:
-        record.append(copy.deepcopy(env.step(sample_actions(env, rng))))
-    return record
+    record = [_snapshot(env, returned) for returned in _slots(env, rng)]
+    record.append(_snapshot(env, env.reset()))
+    return record + [_snapshot(env, returned) for returned in _slots(env, rng)]
 
 
 def check_contained(make: EnvFactory, seed: int) -> None:
@@ -84,12 +103,13 @@ def check_contained(make: EnvFactory, seed: int) -> None:
     env, rng = make(), np.random.default_rng(seed)
     observations, infos = env.reset(seed=seed)
     agents = list(env.agents)
+    assert agents, "no agent is alive after a reset"
     keys = {agent: set(infos[agent]) for agent in agents}
     _check_slot(env, agents, observations, infos, keys)
-    while env.agents:
-        assert env.agents == agents, "an agent left in mid-episode"
-        observations, rewards, terminations, truncations, infos = env.step(sample_actions(env, rng))
+    for observations, rewards, terminations, truncations, infos in _slots(env, rng):
         _check_slot(env, agents, observations, infos, keys)
+        for what in (rewards, terminations, truncations):
+            assert list(what) == agents, f"the agents are {agents}, but got {list(what)}"
         for agent in agents:
             assert type(rewards[agent]) is float, f"reward is a {type(rewards[agent])}"
             assert math.isfinite(rewards[agent]), f"reward is {rewards[agent]}"
@@ -98,6 +118,7 @@ def check_contained(make: EnvFactory, seed: int) -> None:
         ends = {terminations[a] or truncations[a] for a in agents}
         assert len(ends) == 1, "agents end in different slots"
         assert ends == {not env.agents}, "agents are alive after their end, or dead before it"
+        assert env.agents in ([], agents), "an agent left in mid-episode"
 
 
 def _check_slot(
@@ -107,37 +128,41 @@ def _check_slot(
     infos: Mapping[str, Mapping[str, Any]],
     keys: Mapping[str, set[str]],
 ) -> None:
-    assert list(observations) == agents, "an agent has no observation"
+    assert list(observations) == agents, f"observations are of {list(observations)}"
+    assert list(infos) == agents, f"infos are of {list(infos)}"
     for agent in agents:
         _check_in_space(env.observation_space(agent), observations[agent], agent)
         assert set(infos[agent]) == keys[agent], f"the keys of {agent}'s info change"
         for name, value in infos[agent].items():
-            assert np.isfinite(np.asarray(value, dtype=float)).all(), f"info {name} is {value}"
+            array = np.asarray(value)
+            assert array.dtype.kind in "biuf", f"info {name} is not a number: {value!r}"
+            assert np.isfinite(array).all(), f"info {name} is {value}"
     if hasattr(env, "state_space"):
         _check_in_space(env.state_space, env.state(), "state")
 
 
 def _check_in_space(space: spaces.Space[Any], value: Any, what: str) -> None:
     if isinstance(space, spaces.Dict):
+        assert isinstance(value, dict), f"{what} is a {type(value)}"
         assert list(value) == list(space.spaces), f"{what} has the keys {list(value)}"
         for key, subspace in space.spaces.items():
             _check_in_space(subspace, value[key], f"{what}[{key}]")
         return
-    assert value.dtype == space.dtype, f"{what} is {value.dtype}, its space {space.dtype}"
+    if isinstance(space, spaces.Tuple):
+        assert isinstance(value, tuple), f"{what} is a {type(value)}"
+        assert len(value) == len(space.spaces), f"{what} has {len(value)} parts"
+        for i, subspace in enumerate(space.spaces):
+            _check_in_space(subspace, value[i], f"{what}[{i}]")
+        return
+    dtype = getattr(value, "dtype", space.dtype)
+    assert dtype == space.dtype, f"{what} is {dtype}, its space {space.dtype}"
     assert space.contains(value), f"{what} lies outside its space: {value}"
 
 
 def check_deterministic(make: EnvFactory, seed: int) -> None:
-    """Two environments with equal seeds agree over a whole episode, and into the next."""
-    first, second = make(), make()
-    assert_equal(play(first, seed), play(second, seed), "two environments with equal seeds differ")
-    first.reset()
-    second.reset()
-    assert_equal(
-        play(first, seed, reset=False),
-        play(second, seed, reset=False),
-        "two environments with equal seeds differ in their second episode",
-    )
+    """Two environments with equal seeds agree over a whole episode, and over the next."""
+    message = "two environments with equal seeds differ"
+    assert_equal(play(make(), seed), play(make(), seed), message)
 
 
 def check_reset_repeats(make: EnvFactory, seed: int) -> None:
@@ -153,73 +178,136 @@ def check_reset_repeats(make: EnvFactory, seed: int) -> None:
 def check_nothing_is_mutated(make: EnvFactory, seed: int) -> None:
     """What was handed out is never changed later, and writing into it changes nothing."""
     env, rng = make(), np.random.default_rng(seed)
-    handed_out = [env.reset(seed=seed)]
-    copies = [copy.deepcopy(handed_out[0])]
-    while env.agents:
-        handed_out.append(env.step(sample_actions(env, rng)))
-        copies.append(copy.deepcopy(handed_out[-1]))
+    handed_out: Record = []
+
+    def keep(returned: Any) -> Any:
+        handed_out.append((returned, env.state() if hasattr(env, "state_space") else None))
+        return copy.deepcopy(handed_out[-1])
+
+    copies = [keep(env.reset(seed=seed))]
+    copies += [keep(returned) for returned in _slots(env, rng)]
+    env.reset()
     assert_equal(handed_out, copies, "something handed out was changed later")
 
     spoilt, rng = make(), np.random.default_rng(seed)
-    record = [copy.deepcopy(returned := spoilt.reset(seed=seed))]
-    _spoil(returned)
-    while spoilt.agents:
-        actions = sample_actions(spoilt, rng)
-        record.append(copy.deepcopy(returned := spoilt.step(actions)))
+    returned = spoilt.reset(seed=seed)
+    record = [_snapshot(spoilt, returned)]
+    for _ in range(MAX_SLOTS):
         _spoil(returned)
-        _spoil((actions,))
+        if hasattr(spoilt, "state_space"):
+            _spoil(spoilt.state())
+        if not spoilt.agents:
+            break
+        actions = sample_actions(spoilt, rng)
+        returned = spoilt.step(actions)
+        _spoil(actions)
+        record.append(_snapshot(spoilt, returned))
     assert_equal(record, copies, "writing into what was handed out changes the environment")
 
 
-def _spoil(returned: tuple[dict[str, Any], ...]) -> None:
-    for mapping in returned:
-        for value in mapping.values():
-            for array in value.values() if isinstance(value, dict) else [value]:
-                if isinstance(array, np.ndarray):
-                    array[...] = 0
-        mapping.clear()
+def _spoil(value: Any) -> None:
+    """Change every number of a nested record, and empty its dictionaries."""
+    if isinstance(value, np.ndarray) and value.dtype != object:
+        if value.flags.writeable:
+            value[...] = value == 0
+        return
+    if isinstance(value, dict):
+        for part in value.values():
+            _spoil(part)
+        value.clear()
+    elif isinstance(value, list | tuple | np.ndarray):
+        for part in value:
+            _spoil(part)
 
 
 def check_copies_continue(make: EnvFactory, seed: int) -> None:
     """A deep copy and a pickle, taken in mid-episode, go on as the original does."""
     env, rng = make(), np.random.default_rng(seed)
     env.reset(seed=seed)
-    for _ in range(3):
-        env.step(sample_actions(env, rng))
+    for _ in zip(range(3), _slots(env, rng), strict=False):
+        pass
     copies = {"deep copy": copy.deepcopy(env), "pickle": pickle.loads(pickle.dumps(env))}
-    original = play(env, seed + 1, reset=False)
-    env.reset()
-    original += play(env, seed + 2, reset=False)
+    original = play_on(env, seed + 1)
     for what, twin in copies.items():
-        record = play(twin, seed + 1, reset=False)
-        twin.reset()
-        record += play(twin, seed + 2, reset=False)
-        assert_equal(original, record, f"a {what} goes on differently")
+        assert_equal(original, play_on(twin, seed + 1), f"a {what} goes on differently")
 
 
 def check_global_generators_untouched(make: EnvFactory, seed: int) -> None:
     """Neither Python's nor NumPy's global generator is drawn from or seeded."""
     python, numpy = random.getstate(), np.random.get_state(legacy=False)  # noqa: NPY002
+    make().reset()
     play(make(), seed)
     assert random.getstate() == python, "Python's global generator was touched"
     after = np.random.get_state(legacy=False)  # noqa: NPY002
     assert_equal(numpy, after, "NumPy's global generator was touched")
 
 
+def check_vector_env(
+    make_vector: EnvFactory, make_single: EnvFactory, seeds: tuple[int, ...] = SEEDS
+) -> None:
+    """A batched environment does what Gymnasium's SyncVectorEnv does with single ones.
+
+    Over two episodes and their autoresets, in mode SAME_STEP: spaces, observations,
+    flags, infos and `final_obs` are equal bit for bit, rewards up to rounding (a sum in a
+    batch may round otherwise), and writing into what the batched one handed out changes
+    nothing.
+
+    Args:
+        make_vector: makes a `gymnasium.vector.VectorEnv`.
+        make_single: makes the `gymnasium.Env` that it has in batch.
+        seeds: seeds to check with.
+
+    Raises:
+        AssertionError: what is wrong.
+    """
+    for seed in seeds:
+        vector = make_vector()
+        mode = vector.metadata["autoreset_mode"]
+        assert mode == AutoresetMode.SAME_STEP, f"the autoreset mode is {mode}"
+        single = SyncVectorEnv([make_single] * vector.num_envs, autoreset_mode=mode)
+        for name in ("single_observation_space", "single_action_space"):
+            assert getattr(vector, name) == getattr(single, name), f"{name} differs"
+        message = "the batched environment differs from single ones"
+        returned = vector.reset(seed=seed)
+        assert_equal(returned, single.reset(seed=seed), message)
+        rng, ended = np.random.default_rng(seed), np.zeros(vector.num_envs, dtype=int)
+        for _ in range(MAX_SLOTS):
+            _spoil(returned)
+            actions = _sample(vector.action_space, rng)
+            returned, expected = vector.step(actions), single.step(actions)
+            for i, name in enumerate(("observations", "rewards", "ends", "truncations", "infos")):
+                equal = _assert_close if name == "rewards" else assert_equal
+                equal(returned[i], expected[i], f"{message} in their {name}")
+            ended += expected[2] | expected[3]
+            if (ended >= 2).all():
+                break
+        else:
+            raise AssertionError(f"the episodes have no end within {MAX_SLOTS} slots")
+
+
+def _assert_close(first: Any, second: Any, message: str) -> None:
+    assert first.dtype == second.dtype, f"{message} (dtype)"
+    assert first.shape == second.shape, f"{message} (shape)"
+    close = np.allclose(first, second, rtol=1e-12, atol=1e-12)
+    assert close, f"{message}: {first} is not {second}"
+
+
 def assert_equal(first: Any, second: Any, message: str) -> None:
     """Raise AssertionError unless two nested records are equal bit for bit."""
     if isinstance(first, Mapping):
         assert isinstance(second, Mapping), message
-        assert list(first) == list(second), message
+        assert first.keys() == second.keys(), f"{message} (keys)"
         for key in first:
-            assert_equal(first[key], second[key], f"{message} ({key})")
-    elif isinstance(first, list | tuple):
+            assert_equal(first[key], second[key], f"{message} [{key}]")
+    elif isinstance(first, np.ndarray) and first.dtype != object:
+        assert isinstance(second, np.ndarray), message
+        assert first.dtype == second.dtype, f"{message} (dtype)"
+        same = np.array_equal(first, second, equal_nan=True)
+        assert same, f"{message}: {first} is not {second}"
+    elif isinstance(first, list | tuple | np.ndarray):
         assert len(first) == len(second), message
-        for a, b in zip(first, second, strict=True):
-            assert_equal(a, b, message)
-    elif isinstance(first, np.ndarray):
-        assert first.dtype == second.dtype, message
-        assert np.array_equal(first, second, equal_nan=True), message
+        for i, (a, b) in enumerate(zip(first, second, strict=True)):
+            assert_equal(a, b, f"{message} [{i}]")
     else:
         assert type(first) is type(second), message
-        assert first == second, message
+        assert first == second, f"{message}: {first} is not {second}"

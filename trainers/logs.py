@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
 from types import TracebackType
 from typing import Any, Self
@@ -36,8 +37,9 @@ class TrainingLog:
         self._console = console
         self._last_line = time.monotonic()
         _cut_off(run, env_steps)
+        purge_step = env_steps + 1 if env_steps else None  # of the steps that it hides, the first
         try:
-            self._writer = SummaryWriter(str(run.path), purge_step=env_steps or None)
+            self._writer = SummaryWriter(str(run.path), purge_step=purge_step)
             self._metrics = run.metrics_path.open("a", encoding="utf-8")
         except OSError as error:
             raise InputError(f"{run.path}: can not be written: {error.strerror}") from None
@@ -60,6 +62,10 @@ class TrainingLog:
         self._total = total_steps
 
     def __enter__(self) -> Self:
+        # TensorBoard's thread dies of a full disk with a traceback; `write` and `close`
+        # raise the same error once more, which is then told in one line.
+        self._usual_hook = threading.excepthook
+        threading.excepthook = self._without_tensorboard
         self._progress.start()
         return self
 
@@ -78,6 +84,12 @@ class TrainingLog:
                 raise InputError(
                     f"{self._run.path}: can not be written: {failure.strerror}"
                 ) from None
+        finally:
+            threading.excepthook = self._usual_hook
+
+    def _without_tensorboard(self, failure: threading.ExceptHookArgs) -> None:
+        if type(failure.thread).__name__ != "_AsyncWriterThread":
+            self._usual_hook(failure)
 
     def write(self, env_steps: int, log: dict[str, float]) -> None:
         """Log an iteration.
@@ -119,10 +131,10 @@ def _cut_off(run: RunFolder, env_steps: int) -> None:
     if not path.is_file():
         return
     kept = []
-    for line in path.read_text(encoding="utf-8").splitlines(keepends=True):
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True):
         try:
             if json.loads(line)["env_steps"] <= env_steps:
                 kept.append(line)
-        except ValueError:
+        except (ValueError, TypeError, LookupError):
             break  # a line that was cut short as the process ended
     run.write_text(path.name, "".join(kept))

@@ -171,7 +171,7 @@ class Trainer:
             - `aoi/…`, `fairness/…`, `energy/…`, `uplink/…`, `constraints/…`: metrics of
               the episodes that ended in the rollout, as in `World.metrics`;
             - `reward/…`: mean of each term of the reward a slot, and their `total`;
-            - `ppo/policy_loss`, `ppo/value_loss`, `ppo/entropy`: terms of the loss;
+            - `ppo/loss`, and its terms `ppo/policy_loss`, `ppo/value_loss`, `ppo/entropy`;
               `ppo/kl`: mean Kullback-Leibler divergence from the policy of the rollout,
               (r − 1) − log r; `ppo/clip_fraction`: share of ratios that were clipped;
               `ppo/explained_variance`: of the returns, by the critic of the rollout;
@@ -259,7 +259,7 @@ class Trainer:
         log_ratio = network.log_probability(policy, batch["action"]) - batch["log_probability"]
         ratio = log_ratio.exp()
         advantage = batch["advantage"]
-        if settings.normalise_advantage:
+        if settings.normalise_advantage and len(advantage) > 1:
             advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
         clipped = ratio.clamp(1 - settings.clip, 1 + settings.clip)
         policy_loss = -torch.minimum(ratio * advantage, clipped * advantage).mean()
@@ -278,6 +278,7 @@ class Trainer:
         self.optimizer.step()
         with torch.no_grad():
             return {
+                "loss": loss.detach(),
                 "policy_loss": policy_loss.detach(),
                 "value_loss": value_loss.detach(),
                 "entropy": entropy.detach(),

@@ -17,7 +17,7 @@ import json
 import os
 import pickle
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,8 @@ def write_atomically(path: Path, data: bytes) -> None:
             os.fsync(file.fileno())
         part.replace(path)
     except OSError as error:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
         kept = "; the one before stands" if path.exists() else ""
         raise InputError(f"{path}: can not be written: {error.strerror}{kept}") from None
 
@@ -78,17 +79,21 @@ class RunFolder:
         Raises:
             InputError: it holds a run already, or can not be made.
         """
-        if self.checkpoint_path.exists():
-            raise InputError(
-                f"{self.path}: holds a run already; go on with it by --resume {self.path}, "
-                "or name another folder by --out"
-            )
         try:
+            if self.checkpoint_path.exists():
+                raise InputError(
+                    f"{self.path}: holds a run already; go on with it by --resume {self.path}, "
+                    "or name another folder by --out"
+                )
             self.path.mkdir(parents=True, exist_ok=True)
+            for leftover in (self.metrics_path, *self.path.glob("events.out.tfevents.*")):
+                leftover.unlink(missing_ok=True)
         except OSError as error:
             raise InputError(f"{self.path}: can not be made: {error.strerror}") from None
-        for leftover in (self.metrics_path, *self.path.glob("events.out.tfevents.*")):
-            leftover.unlink(missing_ok=True)
+        self.write_scenario(scenario)
+
+    def write_scenario(self, scenario: Scenario) -> None:
+        """Write down which scenario the run is of."""
         self.write_text("scenario.yaml", to_yaml(scenario))
 
     def write_text(self, name: str, text: str) -> None:
@@ -155,13 +160,14 @@ class RunFolder:
         path = self.checkpoint_path
         if not path.is_file():
             raise InputError(f"{self.path}: holds no checkpoint")
-        with _readable(path):
+        with readable(path):
             saved = torch.load(path, map_location=device, weights_only=True)
         _check_version(path, saved)
-        trainer: dict[str, Any] = saved["trainer"]
-        # Streams live on the CPU whatever device they are for.
-        simulation = trainer["simulation"]
-        simulation["generator"] = simulation["generator"].cpu()
+        with readable(path):
+            trainer: dict[str, Any] = saved["trainer"]
+            # Streams live on the CPU whatever device they are for.
+            simulation = trainer["simulation"]
+            simulation["generator"] = simulation["generator"].cpu()
         return trainer
 
     def policy_shape(self) -> dict[str, Any]:
@@ -173,11 +179,12 @@ class RunFolder:
         path = self.path / "policy.json"
         if not path.is_file() or not (self.path / "policy.safetensors").is_file():
             raise InputError(f"{self.path}: holds no trained policy")
-        try:
+        with readable(path):
             shape: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        except ValueError:
-            raise InputError(f"{path}: damaged: not JSON") from None
         _check_version(path, shape)
+        lacking = {"world_hash", "source_world_hash", "mask_actions"} - set(shape)
+        if lacking:
+            raise InputError(f"{path}: can not be read: lacks {min(lacking)!r}")
         return shape
 
     def load_policy(self, device: str | torch.device = "cpu") -> TrainedPolicy:
@@ -188,19 +195,21 @@ class RunFolder:
         """
         shape = self.policy_shape()
         scenario = self.scenario()
+        if scenario.world_hash != shape["world_hash"]:
+            raise InputError(f"{self.path}: its policy is of another scenario than scenario.yaml")
         world = World(scenario)
         network: ActorCritic = make_network(
             world.observer.agent_ranges, world.action_sizes, scenario.training
         )
         path = self.path / "policy.safetensors"
-        with _readable(path):
+        with readable(path):
             network.load_state_dict(safetensors.torch.load_file(path))
         network.to(device).eval()
         return TrainedPolicy(network, name=str(self.path), use_mask=shape["mask_actions"])
 
 
 @contextmanager
-def _readable(path: Path) -> Iterator[None]:
+def readable(path: Path) -> Iterator[None]:
     """Turns what loaders raise on damaged files into one line."""
     try:
         yield
@@ -208,11 +217,12 @@ def _readable(path: Path) -> Iterator[None]:
         raise InputError(
             f"{path}: refused: damaged, or it holds Python objects, which could run any code"
         ) from None
-    except (RuntimeError, EOFError, ValueError, KeyError, safetensors.SafetensorError) as error:
-        reason = str(error).strip().splitlines()[0] if str(error).strip() else "damaged"
-        raise InputError(f"{path}: can not be read: {reason}") from None
     except OSError as error:
         raise InputError(f"{path}: can not be read: {error.strerror}") from None
+    except Exception as error:
+        # What a loader raises on a damaged file depends on where the damage lies.
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise InputError(f"{path}: can not be read: {reason}") from None
 
 
 def _check_version(path: Path, saved: Any) -> None:

@@ -21,7 +21,7 @@ from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.scenario import Scenario, load_scenario
 from trainers.logs import TrainingLog
 from trainers.ppo import Trainer
-from trainers.run_folder import RunFolder
+from trainers.run_folder import RunFolder, readable
 
 #: Settings that a resumed run may change.
 CHANGEABLE = ("training.steps", "training.checkpoint_steps")
@@ -103,7 +103,8 @@ def train(
     ):
         saved_at = trainer.env_steps
         while not trainer.finished and not stop:
-            log.write(trainer.env_steps, trainer.iterate())
+            figures = trainer.iterate()
+            log.write(trainer.env_steps, figures)
             if trainer.env_steps - saved_at >= trainer.settings.checkpoint_steps:
                 run.save(trainer, source)
                 saved_at = trainer.env_steps
@@ -119,13 +120,17 @@ def train(
 def _resumed(run: RunFolder, scenario: Scenario, device: torch.device) -> tuple[Trainer, Scenario]:
     own = run.scenario()
     saved = run.load_checkpoint(device)
-    wanted = Trainer(scenario, saved["seed"], device)
+    with readable(run.checkpoint_path):
+        seed = int(saved["seed"])
+    wanted = Trainer(scenario, seed, device)
     strange = [k for k in differences(own, wanted.scenario) if k not in CHANGEABLE]
     if strange:
         raise InputError(
             f"{run.path}: is a run of another scenario, {own.name}: {strange[0]} differs"
         )
-    wanted.load_state_dict(saved)
+    with readable(run.checkpoint_path):
+        wanted.load_state_dict(saved)
+    run.write_scenario(wanted.scenario)
     return wanted, scenario
 
 

@@ -5,6 +5,7 @@ Every face is a thin translation of this class into another API.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
+from iout_marl.envs.maskable import MaskableMultiDiscrete
 from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text
 from iout_marl.scenario import Scenario, load_scenario
@@ -32,7 +34,7 @@ INFO_KEYS = (
     "beta",
     "age_violations",
 )
-RENDER_MODES = ("ansi", "rgb_array")
+RENDER_MODES = ("human", "ansi", "rgb_array")
 
 FloatArray = npt.NDArray[np.float32]
 
@@ -62,10 +64,12 @@ class Episodes:
         self.render_mode = render_mode
         self.scenario = load_scenario(scenario)
         self.world = World(self.scenario, num_envs)
+        self._num_envs = num_envs
         self.state: State | None = None
         self.events: Events | None = None
         self.mask_place = self.scenario.observation.action_mask
-        self.action_space = spaces.MultiDiscrete(np.array(self.world.action_sizes))
+        self._sizes = np.array(self.world.action_sizes)
+        self.action_space = self.action_space_for(num_auvs=1)
         self.state_space = box(self.world.observer.state_ranges)
         self.vector_space = box(self.world.observer.agent_ranges)
         self.mask_space = spaces.MultiBinary(sum(self.world.action_sizes))
@@ -76,7 +80,15 @@ class Episodes:
         )
         self._rngs: list[np.random.Generator] = []
         self._layout: npt.NDArray[np.int64] | None = None
-        self._sizes = np.array(self.world.action_sizes)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "world"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # A world holds its array library, and no module can be copied; but it holds
+        # nothing that changes, either.
+        vars(self).update(state)
+        self.world = World(self.scenario, self._num_envs)
 
     def reset(self, seeds: Sequence[int | None] | None = None) -> None:
         """Start the next episode of every environment.
@@ -88,17 +100,30 @@ class Episodes:
         """
         seeds = [None] * self.world.num_envs if seeds is None else list(seeds)
         if not self._rngs:
-            self._rngs = [np.random.default_rng(seed) for seed in seeds]
-            self._layout = None
-        elif any(seed is not None for seed in seeds):
-            for i, seed in enumerate(seeds):
-                if seed is not None:
-                    self._rngs[i] = np.random.default_rng(seed)
-            self._layout = None
+            self._rngs = [np.random.default_rng() for _ in seeds]
+        reseeded = [i for i, seed in enumerate(seeds) if seed is not None]
+        for i in reseeded:
+            self._rngs[i] = np.random.default_rng(seeds[i])
         if self._layout is None or redraws_every_episode(self.scenario):
             self._layout = node_codes(self.scenario, self.world.grid, self._rngs)
+        elif reseeded:
+            self._layout = self._layout.copy()
+            self._layout[reseeded] = node_codes(
+                self.scenario, self.world.grid, [self._rngs[i] for i in reseeded]
+            )
         self.state = self.world.reset(self._layout)
         self.events = None
+        self._show()
+
+    def action_space_for(self, num_auvs: int) -> spaces.MultiDiscrete:
+        """The actions of some AUVs, joined end to end.
+
+        Where masks are handed out, the space takes them to `sample` by.
+        """
+        sizes = np.tile(self._sizes, num_auvs)
+        if self.mask_place == "none":
+            return spaces.MultiDiscrete(sizes)
+        return MaskableMultiDiscrete(sizes)
 
     @property
     def current(self) -> State:
@@ -128,6 +153,7 @@ class Episodes:
         if self.is_over:
             raise RuntimeError("the episode is over: call reset() first")
         self.state, self.events = self.world.step(state, self._checked(action))
+        self._show()
         reward: npt.NDArray[np.float64] = self.world.reward(self.state, self.events)
         return reward
 
@@ -195,10 +221,17 @@ class Episodes:
 
     def render(self, env: int = 0) -> str | npt.NDArray[np.uint8] | None:
         """The picture that `render_mode` names: text, (height, width, 3) pixels, or None."""
-        if self.render_mode is None:
+        if self.render_mode in (None, "human"):
             return None
         snapshot = Snapshot.of(self.world, self.current, self.events, env)
         return as_text(snapshot) if self.render_mode == "ansi" else as_picture(snapshot)
+
+    def _show(self) -> None:
+        """In mode `human`, print every environment to the terminal."""
+        if self.render_mode == "human":
+            for env in range(self.world.num_envs):
+                text = as_text(Snapshot.of(self.world, self.current, self.events, env))
+                sys.stdout.write(f"{text}\n")
 
 
 def box(ranges: Ranges) -> spaces.Box:

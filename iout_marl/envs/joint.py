@@ -22,7 +22,7 @@ class AUVEnv(gymnasium.Env[Any, Any]):
 
     Args:
         scenario: a bundled name, a path to a YAML file or a `Scenario`.
-        render_mode: `ansi`, `rgb_array` or None.
+        render_mode: `human`, `ansi`, `rgb_array` or None.
 
     Raises:
         InputError: no such scenario, or a fault in it.
@@ -76,7 +76,7 @@ def joint_spaces(episodes: Episodes) -> tuple[spaces.Space[Any], spaces.MultiDis
     m = episodes.world.num_auvs
     vector = episodes.vector_space
     joint = spaces.Box(np.tile(vector.low, m), np.tile(vector.high, m), dtype=np.float32)
-    actions = spaces.MultiDiscrete(np.tile(episodes.action_space.nvec, m))
+    actions = episodes.action_space_for(m)
     if episodes.mask_place != "observation":
         return joint, actions
     masks = spaces.MultiBinary(int(episodes.mask_space.shape[0]) * m)
@@ -114,7 +114,8 @@ def joint_info(episodes: Episodes) -> dict[str, npt.NDArray[Any]]:
     """
     info = episodes.info()
     combined: dict[str, npt.NDArray[Any]] = {
-        name: np.asarray(value if value.ndim == 1 else value.sum(1), dtype=np.float64)
+        # A copy: whoever writes into an info must not write into the state.
+        name: np.array(value if value.ndim == 1 else value.sum(1), dtype=np.float64)
         for name, value in info.items()
     }
     combined["beta"] = info["beta"].mean(1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
 
     Args:
         scenario: a bundled name, a path to a YAML file or a `Scenario`.
-        render_mode: `ansi`, `rgb_array` or None.
+        render_mode: `human`, `ansi`, `rgb_array` or None.
 
     Raises:
         InputError: no such scenario, or a fault in it.
@@ -47,26 +48,15 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         self.scenario = self._episodes.scenario
         self.possible_agents = [f"auv_{i}" for i in range(self.scenario.num_auvs)]
         self.agents: list[str] = []
-        # One object each for good: wrappers key on the identity of spaces.
+        # One object each for good: wrappers key on the identity of spaces. Each is a copy
+        # that has not drawn yet: agents must not draw from one another's streams.
         self.observation_spaces = {
-            a: self._copy_of(self._episodes.observation_space) for a in self.possible_agents
+            a: copy.deepcopy(self._episodes.observation_space) for a in self.possible_agents
         }
         self.action_spaces = {
-            a: self._copy_of(self._episodes.action_space) for a in self.possible_agents
+            a: copy.deepcopy(self._episodes.action_space) for a in self.possible_agents
         }
         self.state_space = self._episodes.state_space
-
-    @staticmethod
-    def _copy_of(space: spaces.Space[Any]) -> spaces.Space[Any]:
-        """A space of its own stream: agents must not draw from one another's."""
-        if isinstance(space, spaces.Dict):
-            return spaces.Dict({k: AUVParallelEnv._copy_of(s) for k, s in space.spaces.items()})
-        if isinstance(space, spaces.MultiDiscrete):
-            return spaces.MultiDiscrete(space.nvec)
-        if isinstance(space, spaces.MultiBinary):
-            return spaces.MultiBinary(space.n)
-        assert isinstance(space, spaces.Box)
-        return spaces.Box(space.low, space.high, dtype=np.float32)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """The observations of an agent: a Box, or a Dict with the mask beside it."""

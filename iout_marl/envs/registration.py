@@ -7,7 +7,7 @@ import pettingzoo
 
 #: Gymnasium's id; `gymnasium.make("iout_marl:AUV-v0")` imports the package by itself.
 GYMNASIUM_ID = "AUV-v0"
-#: PettingZoo's id, for `pettingzoo.make("iout/AUV-v0")` (parallel) and its AEC form.
+#: PettingZoo's id, for `pettingzoo.make("parallel", "iout/AUV-v0")` and `"aec"`.
 PETTINGZOO_ID = "iout/AUV-v0"
 
 

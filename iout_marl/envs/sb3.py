@@ -14,17 +14,20 @@ def sb3_vec_env(
 ) -> Any:
     """A Stable-Baselines3 VecEnv with one slot for every AUV of every environment.
 
-    The AUVs share one policy. Seed it with `vec_env.reset(seed=…)`; SuperSuit's adapter
-    has no `seed` method, so pass no seed to the algorithm.
+    The AUVs share one policy. Copy i of the environment gets the seed `seed + i`, whether
+    by `vec_env.reset(seed=…)` or by the seed of the algorithm, in any number of processes.
 
     Args:
         scenario: a bundled name, a path to a YAML file or a `Scenario`.
         num_envs: copies of the environment.
         processes: worker processes; 0 steps all copies in this one.
     """
-    import supersuit  # its import takes a second that no other face needs to pay
+    # Their import takes seconds that no other face needs to pay.
+    import supersuit
 
-    vectorised = supersuit.pettingzoo_env_to_vec_env_v1(AUVParallelEnv(scenario))
-    return supersuit.concat_vec_envs_v1(
-        vectorised, num_envs, num_cpus=processes, base_class="stable_baselines3"
-    )
+    from iout_marl.envs.seeded import SeededVecEnv
+
+    env = AUVParallelEnv(scenario)
+    vectorised = supersuit.pettingzoo_env_to_vec_env_v1(env)
+    copies = supersuit.concat_vec_envs_v1(vectorised, num_envs, num_cpus=processes)
+    return SeededVecEnv(copies, len(env.possible_agents))

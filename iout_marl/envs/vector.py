@@ -19,7 +19,8 @@ from iout_marl.scenario import Scenario
 class AUVVectorEnv(VectorEnv[Any, Any, Any]):
     """Many `AUVEnv` side by side in one batched world.
 
-    Environment i, seeded with `seed + i`, is the `AUVEnv` seeded so, number for number.
+    Environment i, seeded with `seed + i`, is the `AUVEnv` seeded so, number for number
+    (rewards up to rounding).
     Episodes start and end together; the step that ends them returns the first
     observations of the next ones (autoreset mode SAME_STEP), with the last ones in
     `infos["final_obs"]` and the last infos in `infos["final_info"]`.
@@ -27,7 +28,7 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
     Args:
         scenario: a bundled name, a path to a YAML file or a `Scenario`.
         num_envs: environments side by side.
-        render_mode: `ansi`, `rgb_array` or None; `render` shows every environment.
+        render_mode: `human`, `ansi`, `rgb_array` or None, of every environment.
 
     Raises:
         InputError: no such scenario, or a fault in it.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,12 +12,15 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.scalarbool import ScalarBoolean
 
 from iout_marl.errors import InputError
 from iout_marl.scenario.sources import find_scenario
 
 #: A key's way down from the top of the scenario: names and list indices.
 KeyPath = tuple[str | int, ...]
+#: More values than any scenario has. Aliases of aliases would multiply without end.
+MAX_VALUES = 100_000
 
 
 def show_path(path: KeyPath) -> str:
@@ -78,13 +82,19 @@ def _merge(
         old = base.get(key)
         if isinstance(old, dict) and isinstance(value, dict):
             kind_changes = "kind" in value and value["kind"] != old.get("kind", value["kind"])
+            if kind_changes:
+                _forget(origins, here)
             base[key] = {} if kind_changes else dict(old)
             _merge(base[key], value, here, origins, upper_origins)
         else:
             base[key] = value
-            for place in [p for p in origins if p[: len(here)] == here]:
-                del origins[place]
+            _forget(origins, here)
             origins |= {p: o for p, o in upper_origins.items() if p[: len(here)] == here}
+
+
+def _forget(origins: dict[KeyPath, str], path: KeyPath) -> None:
+    for place in [p for p in origins if p[: len(path)] == path]:
+        del origins[place]
 
 
 def read_file(path: Path) -> Layer:
@@ -99,20 +109,31 @@ def read_file(path: Path) -> Layer:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise InputError(f"{name}: can not be read: {reason}") from None
-    tree = _parse(text, name)
-    layer = Layer(origins={(): name})
-    if tree is None:
-        return layer
-    if not isinstance(tree, CommentedMap):
+    origins: dict[KeyPath, str] = {(): name}
+    data = _values(text, name, origins)
+    if data is None:
+        return Layer({}, origins)
+    if not isinstance(data, dict):
         raise InputError(f"{name}:1: a scenario must be a mapping of keys to values")
-    layer.data = _plain(tree, (), name, layer.origins)
-    return layer
+    return Layer(data, origins)
+
+
+def _values(text: str, name: str, origins: dict[KeyPath, str]) -> Any:
+    """What a YAML text says, in plain Python values; its line numbers go to `origins`."""
+    try:
+        return _plain(_parse(text, name), (), name, origins)
+    except RecursionError:
+        raise InputError(f"{name}: broken YAML: nested too deeply, or within itself") from None
 
 
 def _parse(text: str, name: str) -> Any:
     # YAML 1.2, in which 1e-3 is a number; round-trip mode keeps the line numbers.
     try:
-        return YAML(typ="rt", pure=True).load(text)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what is odd, but allowed
+            return YAML(typ="rt", pure=True).load(text)
+    except RecursionError:
+        raise
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark and "\n" in text else ""
@@ -121,10 +142,15 @@ def _parse(text: str, name: str) -> Any:
     except YAMLError as error:
         first_line = str(error).strip().splitlines()[0]
         raise InputError(f"{name}: broken YAML: {first_line}") from None
+    except Exception as error:
+        # ruamel.yaml lets through whatever it meets in dates, numbers and tags.
+        raise InputError(f"{name}: broken YAML: {error}") from None
 
 
 def _plain(node: Any, path: KeyPath, name: str, origins: dict[KeyPath, str]) -> Any:
     """ruamel's annotated tree as plain Python values; its line numbers go to `origins`."""
+    if len(origins) > MAX_VALUES:
+        raise InputError(f"{name}: broken YAML: more than {MAX_VALUES:,} values")
     if isinstance(node, CommentedMap):
         result = {}
         for key, value in node.items():
@@ -141,10 +167,11 @@ def _plain(node: Any, path: KeyPath, name: str, origins: dict[KeyPath, str]) -> 
         for i in range(len(node)):
             origins[(*path, i)] = f"{name}:{node.lc.item(i)[0] + 1}"
         return [_plain(value, (*path, i), name, origins) for i, value in enumerate(node)]
-    for scalar in (bool, int, float, str):
+    if isinstance(node, bool | ScalarBoolean):
+        return bool(node)
+    for scalar in (int, float, str):
         if isinstance(node, scalar):
-            # bool first: it is an int too. ruamel's own scalars keep their spelling.
-            return scalar(node)
+            return scalar(node)  # ruamel's own scalars keep their spelling
     return node
 
 
@@ -160,12 +187,8 @@ def read_with_bases(source: str | Path, beside: Path | None = None) -> Layer:
 
 def _read_chain(path: Path, below: tuple[Path, ...]) -> Layer:
     layer = read_file(path)
-    bases = layer.data.pop("extends", [])
-    if isinstance(bases, str):
-        bases = [bases]
     where = layer.origin(("extends",))
-    if not isinstance(bases, list) or not all(isinstance(b, str) for b in bases):
-        raise InputError(f"{where}: extends: must be a scenario's name or path, or a list of them")
+    bases = pop_bases(layer.data, where)
     below = (*below, path.resolve())
     merged = Layer()
     for base in bases:
@@ -178,6 +201,19 @@ def _read_chain(path: Path, below: tuple[Path, ...]) -> Layer:
             raise InputError(f"{where}: extends: a scenario must not extend itself ({circle})")
         merged = _read_chain(base_path, below).over(merged)
     return layer.over(merged)
+
+
+def pop_bases(data: dict[str, Any], where: str) -> list[str]:
+    """Take `extends` out of a scenario's settings.
+
+    Raises:
+        InputError: it is no name, path or list of them.
+    """
+    bases = data.pop("extends", [])
+    bases = [bases] if isinstance(bases, str) else bases
+    if not isinstance(bases, list) or not all(isinstance(b, str) for b in bases):
+        raise InputError(f"{where}: extends: must be a scenario's name or path, or a list of them")
+    return bases
 
 
 def overrides_layer(overrides: Iterable[str] | Mapping[str, Any]) -> Layer:
@@ -212,4 +248,4 @@ def _pairs(overrides: Iterable[str] | Mapping[str, Any]) -> Iterable[tuple[str, 
         origin = f"--set {text}"
         if not equals or not key:
             raise InputError(f"{origin}: must be of the form key=value")
-        yield key.strip(), _plain(_parse(value, origin), (), origin, {}), origin
+        yield key.strip(), _values(value, origin, {}), origin

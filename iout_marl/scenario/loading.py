@@ -11,17 +11,19 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
+from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.scenario.layers import (
     KeyPath,
     Layer,
     overrides_layer,
+    pop_bases,
     read_file,
     read_with_bases,
     show_path,
 )
-from iout_marl.scenario.schema import Scenario
+from iout_marl.scenario.schema import Scenario, Training
 from iout_marl.scenario.sources import bundled_root, find_preset, find_scenario
 
 #: The training preset of a scenario that names none.
@@ -45,22 +47,23 @@ def load_scenario(
     Raises:
         InputError: one line with file, line, key and what was meant.
     """
+    path = None
     if isinstance(source, Scenario):
         layer = Layer(source.model_dump(exclude_unset=False), {(): source.name})
     elif isinstance(source, Mapping):
         layer = _mapping_layer(source)
     else:
-        layer = read_with_bases(source)
-        layer.data.setdefault("name", _name_of(find_scenario(source)))
+        path = find_scenario(source)
+        layer = read_with_bases(path)
+        layer.data.setdefault("name", _name_of(path))
     layer = overrides_layer(overrides).over(layer)
-    return _validate(_with_preset(layer))
+    return _validate(_with_preset(layer, path))
 
 
 def _mapping_layer(source: Mapping[str, Any]) -> Layer:
     data = dict(source)
-    bases = data.pop("extends", [])
     merged = Layer()
-    for base in [bases] if isinstance(bases, str) else bases:
+    for base in pop_bases(data, "scenario"):
         merged = read_with_bases(base).over(merged)
     return Layer(data, {(): "scenario"}).over(merged)
 
@@ -73,8 +76,10 @@ def _name_of(path: Path) -> str:
     return path.stem
 
 
-def _with_preset(layer: Layer) -> Layer:
+def _with_preset(layer: Layer, scenario_path: Path | None) -> Layer:
     """The training settings of the preset under those of the scenario.
+
+    A scenario that is resolved, that of a run say, no longer needs its preset's file.
 
     A preset is a mapping of training settings. Its `cases` are a list of
     `{when: {dotted key: value, …}, set: {…}}`: each whose conditions all hold in the
@@ -83,29 +88,33 @@ def _with_preset(layer: Layer) -> Layer:
     training = layer.data.get("training", {})
     if not isinstance(training, dict):
         return layer
+    if set(Training.model_fields) <= set(training):
+        return layer
     name = training.get("preset", DEFAULT_PRESET)
     path: KeyPath = ("training", "preset")
     if not isinstance(name, str):
         raise InputError(f"{layer.origin(path)}: training.preset: must be a word")
     try:
-        preset = read_file(find_preset(name))
+        preset = read_file(find_preset(name, scenario_path))
     except InputError as error:
         raise InputError(f"{layer.origin(path)}: training.preset: {error}") from None
     cases = preset.data.pop("cases", [])
+    if not isinstance(cases, list):
+        raise InputError(f"{preset.origin(('cases',))}: cases: must be a list")
     merged = _below("training", preset)
     for i, case in enumerate(cases):
         where = preset.origin(("cases", i))
-        if not isinstance(case, dict) or set(case) != {"when", "set"}:
-            raise InputError(f"{where}: cases: each must have the keys 'when' and 'set'")
+        if not (
+            isinstance(case, dict)
+            and set(case) == {"when", "set"}
+            and all(isinstance(part, dict) for part in case.values())
+        ):
+            raise InputError(f"{where}: cases: each must have the mappings 'when' and 'set'")
         if all(_value_at(layer.data, key) == value for key, value in case["when"].items()):
-            chosen = Layer(case["set"], {(): where, **dict.fromkeys(_paths(case["set"]), where)})
+            chosen = Layer(case["set"], {(): where, **{(key,): where for key in case["set"]}})
             merged = _below("training", chosen).over(merged)
     merged.data["training"]["preset"] = name
     return layer.over(merged)
-
-
-def _paths(data: Mapping[str, Any]) -> list[KeyPath]:
-    return [(key,) for key in data]
 
 
 def _below(key: str, layer: Layer) -> Layer:
@@ -146,6 +155,12 @@ def _describe(problem: ErrorDetails, layer: Layer) -> str:
         message = f"unknown value {given!r}{did_you_mean(str(given), choices)}"
     elif kind == "finite_number":
         message = f"must be a finite number, not {given}"
+    elif kind == "tuple_type":
+        message = f"must be a list, not {_short(given)}"
+    elif kind == "too_short":
+        message = f"must list at least {context['min_length']}, not {context['actual_length']}"
+    elif kind == "too_long":
+        message = f"must list at most {context['max_length']}, not {context['actual_length']}"
     elif kind in ("model_type", "model_attributes_type", "dict_type"):
         message = f"must be a mapping of keys to values, not {_short(given)}"
     elif kind != "invalid":
@@ -154,7 +169,10 @@ def _describe(problem: ErrorDetails, layer: Layer) -> str:
 
 
 def _short(value: Any) -> str:
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:
+        text = "a number of too many digits"
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
@@ -182,17 +200,19 @@ def to_yaml(scenario: Scenario) -> str:
         type(None), lambda r, _: r.represent_scalar("tag:yaml.org,2002:null", "null")
     )
     stream = io.StringIO()
-    yaml.dump(_with_short_lists(scenario.model_dump(mode="json")), stream)
+    yaml.dump(_styled(scenario.model_dump(mode="json")), stream)
     return stream.getvalue()
 
 
-def _with_short_lists(data: Any) -> Any:
-    """The same data, with each list of scalars marked to stand in one line."""
+def _styled(data: Any) -> Any:
+    """The same data, marked: lists of scalars stand in one line, odd characters are escaped."""
     if isinstance(data, dict):
-        return {key: _with_short_lists(value) for key, value in data.items()}
+        return {key: _styled(value) for key, value in data.items()}
     if isinstance(data, list):
-        items = CommentedSeq(_with_short_lists(value) for value in data)
+        items = CommentedSeq(_styled(value) for value in data)
         if not any(isinstance(value, list | dict) for value in data):
             items.fa.set_flow_style()
         return items
+    if isinstance(data, str) and not data.isprintable():
+        return DoubleQuotedScalarString(data)
     return data

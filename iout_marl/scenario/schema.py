@@ -11,7 +11,7 @@ import json
 import math
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from iout_marl.errors import did_you_mean
@@ -19,7 +19,7 @@ from iout_marl.errors import did_you_mean
 Positive: TypeAlias = Annotated[float, Field(gt=0)]
 NonNegative: TypeAlias = Annotated[float, Field(ge=0)]
 Fraction: TypeAlias = Annotated[float, Field(ge=0, le=1)]
-Count: TypeAlias = Annotated[int, Field(ge=1)]
+Count: TypeAlias = Annotated[int, Field(ge=1, le=10**12)]
 Cell: TypeAlias = Annotated[tuple[Count, Count, Count], Field(strict=False)]
 
 
@@ -321,6 +321,13 @@ class Scenario(Section):
     observation: Observation = Observation()
     training: Training
 
+    @field_validator("name", "description")
+    @classmethod
+    def _can_be_written(cls, text: str) -> str:
+        if any("\ud800" <= c <= "\udfff" for c in text):
+            raise invalid((), "holds half a character, such as \\ud800")
+        return text
+
     @model_validator(mode="after")
     def _check_across_sections(self) -> Self:
         self._check_nodes()
@@ -329,8 +336,12 @@ class Scenario(Section):
             raise invalid(
                 ("episode", "duration_s"), f"must hold at least one slot of {self.slot_s:g} s"
             )
+        if self.slot_s == 0 or math.isinf(self.episode.duration_s / self.slot_s):
+            raise invalid(("grid", "spacing_m"), "makes slots too short to be counted")
         self._check_uplink_band()
         samples = self.training.environments * self.training.rollout_slots * self.num_auvs
+        if samples < 2:
+            raise invalid(("training", "rollout_slots"), "must give a rollout of 2 samples or more")
         if self.training.minibatches > samples:
             raise invalid(
                 ("training", "minibatches"),
@@ -435,6 +446,8 @@ class Scenario(Section):
         return self._digest("reward", "training")
 
     def _digest(self, *without: str) -> str:
-        data = self.model_dump(mode="json", exclude={"name", "description", *without})
+        text = self.model_dump_json(exclude={"name", "description", *without})
+        # Adding 0 makes −0.0, which equals 0.0, the same in writing too.
+        data = json.loads(text, parse_float=lambda number: float(number) + 0.0)
         text = json.dumps(data, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:12]

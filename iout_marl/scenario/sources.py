@@ -54,7 +54,7 @@ def find_scenario(source: str | Path, beside: Path | None = None) -> Path:
     if not Path(source).is_absolute():
         candidates.append(bundled_root() / f"{str(source).removesuffix('.yaml')}.yaml")
     for candidate in candidates:
-        if candidate.is_file():
+        if _is_file(candidate):
             return candidate
     raise InputError(
         f"no scenario {str(source)!r}: neither a file nor a bundled name"
@@ -62,15 +62,28 @@ def find_scenario(source: str | Path, beside: Path | None = None) -> Path:
     )
 
 
-def find_preset(name: str) -> Path:
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long, a folder that is closed to the user
+        return False
+
+
+def find_preset(name: str, beside: Path | None = None) -> Path:
     """The file of a training preset: a bundled one by its name, or a path.
+
+    Args:
+        name: a bundled preset, or a path (from the folder of `beside` or from the working
+            folder).
+        beside: the scenario's file.
 
     Raises:
         InputError: no such preset.
     """
     folder = bundled_root() / PRESETS
-    for candidate in (folder / f"{name}.yaml", Path(name)):
-        if candidate.is_file():
+    own = [beside.parent / name] if beside else []
+    for candidate in (folder / f"{name}.yaml", *own, Path(name)):
+        if _is_file(candidate):
             return candidate
     known = [p.stem for p in folder.glob("*.yaml")]
     raise InputError(f"no training preset {name!r}" + did_you_mean(name, known))

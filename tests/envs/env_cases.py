@@ -1,0 +1,44 @@
+"""Scenarios on which the faces are tested: short episodes, every option that shapes an API."""
+
+import functools
+import itertools
+
+from iout_marl import load_scenario
+
+SLOTS = 10
+#: Start cells of one AUV and of three; the second of the three starts at a node.
+STARTS = {1: [[5, 5, 2]], 3: [[5, 5, 2], [1, 1, 1], [9, 9, 4]]}
+RICH = {
+    "observation.kind": "scaled",
+    "observation.node_positions": True,
+    "observation.time": True,
+}
+LAYOUTS = {
+    "fixed": {},
+    "episode": {"nodes": {"kind": "random", "count": 3, "redraw": "episode"}} | RICH,
+    "run": {"nodes": {"kind": "random", "count": 3, "redraw": "run"}},
+}
+MASKS = ("none", "info", "observation")
+
+
+def scenario(duplex="fdd", auvs=1, layout="fixed", mask="none", slots=SLOTS, **changes):
+    """A scenario of the paper with three nodes, and with the options named."""
+    settings = {
+        "auvs.start_cells": STARTS[auvs],
+        "observation.action_mask": mask,
+        "episode.duration_s": 25 * slots,
+    }
+    return load_scenario(f"paper/k3-{duplex}", settings | LAYOUTS[layout] | changes)
+
+
+#: Every combination, by name.
+CASES = {
+    "-".join(map(str, case)): case
+    for case in itertools.product(("fdd", "tdd"), STARTS, LAYOUTS, MASKS)
+}
+
+
+@functools.cache
+def case_scenario(name):
+    """The scenario of one of `CASES`."""
+    return scenario(*CASES[name])

@@ -1,0 +1,207 @@
+"""The evaluator: seeded, honest about its spread, and the same as stepping by hand."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from iout_marl import Evaluation, InputError, World, evaluate, iout_v0, load_scenario
+from iout_marl.evaluation import METRICS, Estimate
+from iout_marl.policies import BASELINES, Greedy
+from iout_marl.world import node_codes
+
+RANDOM_LAYOUT = {
+    "nodes": {"kind": "random", "count": 4},
+    "observation": {"node_positions": True, "time": True},
+    "auvs.start_cells": [[5, 5, 2], [1, 2, 1]],
+}
+CONTRACT = [
+    "mean_aoi", "final_aoi", "peak_aoi", "jain", "harvested_kj", "uplink_success", "reward",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def random_layout():
+    return load_scenario("paper/k3-fdd", RANDOM_LAYOUT)
+
+
+def fixed_plan(observation):
+    """Hears the oldest node, charges the one with the least energy, flies in a square."""
+    k = (observation.shape[-1] - 4) // 5
+    age, energy = observation[..., 3 : 3 + k], observation[..., 3 + k : 3 + 2 * k]
+    direction = np.array([0, 2, 1, 3])[(observation[..., -1] * 100).round().astype(int) % 4]
+    return np.stack([direction, energy.argmin(-1), age.argmax(-1)], axis=-1)
+
+
+@pytest.mark.parametrize("policy", [*BASELINES, fixed_plan])
+def test_same_seed_same_figures(random_layout, policy):
+    first, second = (evaluate(random_layout, policy, 5, seed=3) for _ in range(2))
+    for name in METRICS:
+        assert np.array_equal(first.samples[name], second.samples[name])
+
+
+@pytest.mark.parametrize("policy", [*BASELINES, fixed_plan])
+def test_other_seed_other_figures(random_layout, policy):
+    first, second = (evaluate(random_layout, policy, 5, seed=seed) for seed in (3, 99))
+    assert not np.array_equal(first.samples["mean_aoi"], second.samples["mean_aoi"])
+
+
+def test_global_generator_stays_as_it_was():
+    before = np.random.get_state(legacy=False)  # noqa: NPY002
+    evaluate("paper/k3-fdd", "random-walk", 2)
+    after = np.random.get_state(legacy=False)  # noqa: NPY002
+    assert (before["state"]["key"] == after["state"]["key"]).all()
+    assert before["state"]["pos"] == after["state"]["pos"]
+
+
+def test_episodes_are_those_of_environments_with_consecutive_seeds(random_layout):
+    evaluation = evaluate(random_layout, fixed_plan, episodes=4, seed=11)
+    env = iout_v0.parallel_env(random_layout)
+    for i in range(4):
+        observations, _ = env.reset(seed=11 + i)
+        total, ages, peak = 0.0, [], 0.0
+        while env.agents:
+            stacked = np.stack([observations[a] for a in env.agents])[None]
+            actions = dict(zip(env.agents, fixed_plan(stacked)[0], strict=True))
+            observations, rewards, _, _, infos = env.step(actions)
+            total += np.mean(list(rewards.values()))
+            ages.append(observations["auv_0"][3:7].mean())
+            peak = max(peak, observations["auv_0"][3:7].max())
+        by_hand = {
+            "mean_aoi": np.mean(ages),
+            "final_aoi": ages[-1],
+            "peak_aoi": peak,
+            "jain": infos["auv_0"]["jain"],
+            "harvested_kj": infos["auv_0"]["total_harvested_j"] / 1000,
+            "reward": total,
+        }
+        for name, value in by_hand.items():
+            assert evaluation.samples[name][i] == pytest.approx(value, rel=1e-5), name
+
+
+def test_layouts_drawn_once_for_a_run_are_the_same_in_all_episodes(random_layout):
+    scenario = load_scenario(random_layout, {"nodes.redraw": "run"})
+    evaluation = evaluate(scenario, fixed_plan, episodes=4, seed=11)
+    assert len(set(evaluation.samples["mean_aoi"])) == 1
+    env = iout_v0.parallel_env(scenario)
+    env.reset(seed=11)
+    layout = env.state()[: 6 + 3 * 4 + 3 * 4]
+
+    class Watching(Greedy):
+        def act(self, world, state, rng):
+            seen.append(world.observer.observe_globally(state)[:, : len(layout)])
+            return super().act(world, state, rng)
+
+    seen = []
+    evaluate(scenario, Watching(), episodes=3, seed=11)
+    assert np.allclose(seen[0], layout)
+
+
+def test_every_episode_is_whole(random_layout):
+    slots = []
+    evaluate(random_layout, lambda o: slots.append(o) or fixed_plan(o), episodes=2)
+    assert len(slots) == random_layout.num_slots
+    assert slots[0].shape == (2, 2, 3 + 2 * 4 + 3 * 4 + 1)
+    assert slots[0].dtype == np.float32
+
+
+@pytest.mark.parametrize("source", ["paper/k3-fdd", load_scenario("paper/k3-fdd")])
+def test_accepts_names_and_scenarios(source):
+    assert evaluate(source, "greedy", 2).scenario == "paper/k3-fdd"
+
+
+@pytest.mark.parametrize(
+    ("policy", "name"), [("greedy", "greedy"), (Greedy(), "greedy"), (fixed_plan, "fixed_plan")]
+)
+def test_policy_is_called_by_its_name(random_layout, policy, name):
+    assert evaluate(random_layout, policy, 1).policy == name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("paper/k3-fdd", "gredy"), "no policy 'gredy'; did you mean 'greedy'?"),
+        (("paper/k3-fd", "greedy"), "no scenario 'paper/k3-fd'"),
+        (("paper/k3-fdd", "greedy", 0), "episodes must be at least 1, not 0"),
+        (("paper/k3-fdd", "greedy", 1, -1), "seed must not be negative, not -1"),
+    ],
+)
+def test_bad_arguments(arguments, expected):
+    with pytest.raises(InputError) as raised:
+        evaluate(*arguments)
+    assert expected in str(raised.value)
+
+
+def test_policy_that_is_none():
+    with pytest.raises(TypeError, match="a policy needs"):
+        evaluate("paper/k3-fdd", 3)
+
+
+@pytest.mark.parametrize("count", [2, 3, 10, 100])
+def test_interval_is_that_of_students_t(count):
+    samples = np.random.default_rng(count).normal(5, 2, count)
+    estimate = Estimate.of(samples)
+    low, high = scipy.stats.t.interval(
+        0.95, count - 1, loc=samples.mean(), scale=scipy.stats.sem(samples)
+    )
+    assert (estimate.mean, estimate.low, estimate.high) == pytest.approx(
+        (samples.mean(), low, high), rel=1e-12
+    )
+    assert estimate.margin == pytest.approx((high - low) / 2)
+
+
+@pytest.mark.parametrize("count", [3, 20])
+def test_interval_covers_the_mean_in_95_of_100_cases(count):
+    rng = np.random.default_rng(0)
+    estimates = [Estimate.of(rng.normal(7, 3, count)) for _ in range(4000)]
+    covered = np.mean([e.low <= 7 <= e.high for e in estimates])
+    # Four standard deviations of such a share.
+    assert covered == pytest.approx(0.95, abs=4 * math.sqrt(0.95 * 0.05 / 4000))
+
+
+def test_equal_samples_leave_no_interval():
+    estimate = Estimate.of([4.0, 4.0, 4.0])
+    assert (estimate.low, estimate.mean, estimate.high) == (4, 4, 4)
+
+
+def test_json_has_the_schema_of_the_contract():
+    evaluation = evaluate("best/k3-tdd", "greedy", episodes=3, seed=2)
+    record = json.loads(json.dumps(evaluation.to_json(), allow_nan=False))
+    assert list(record) == ["scenario", "scenario_hash", "policy", "episodes", "seed", "metrics"]
+    assert record["scenario"] == "best/k3-tdd"
+    assert record["scenario_hash"] == load_scenario("best/k3-tdd").hash
+    assert (record["policy"], record["episodes"], record["seed"]) == ("greedy", 3, 2)
+    assert set(CONTRACT) <= set(record["metrics"])
+    for metric in record["metrics"].values():
+        assert list(metric) == ["mean", "ci95"]
+        low, high = metric["ci95"]
+        assert low <= metric["mean"] <= high
+
+
+def test_single_episode_has_a_null_interval_in_json():
+    record = evaluate("paper/k3-fdd", "greedy", episodes=1).to_json()
+    for metric in record["metrics"].values():
+        assert metric["ci95"] == [None, None]
+    assert json.loads(json.dumps(record, allow_nan=False)) == record
+
+
+def test_metrics_are_those_of_the_world(random_layout):
+    evaluation = evaluate(random_layout, fixed_plan, episodes=3, seed=5)
+    world = World(random_layout, 3)
+    streams = [np.random.default_rng(5 + i) for i in range(3)]
+    state = world.reset(node_codes(random_layout, world.grid, streams))
+    for _ in range(world.num_slots):
+        observation = np.asarray(world.observe(state), dtype=np.float32)
+        state, _ = world.step(state, fixed_plan(observation))
+    for name, values in world.metrics(state).items():
+        assert np.array_equal(evaluation.samples[name], values), name
+
+
+def test_evaluation_keeps_every_sample():
+    evaluation = evaluate("paper/k3-fdd", "random-walk", episodes=6)
+    assert isinstance(evaluation, Evaluation)
+    for name, estimate in evaluation.metrics.items():
+        assert evaluation.samples[name].shape == (6,)
+        assert estimate.mean == pytest.approx(evaluation.samples[name].mean())

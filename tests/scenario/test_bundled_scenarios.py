@@ -1,0 +1,99 @@
+"""The bundled scenarios: all there, all whole, all the same after a round trip."""
+
+import itertools
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from iout_marl import World, bundled_names, load_scenario
+from iout_marl.scenario import bundled_root, to_yaml
+
+EXPECTED = [
+    f"{family}/k{nodes}-{duplex}"
+    for family, nodes, duplex in itertools.product(("best", "paper"), (3, 5, 7, 10), ("fdd", "tdd"))
+]
+
+
+def test_list_is_complete():
+    assert bundled_names() == EXPECTED
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_is_what_its_name_says(name):
+    scenario = load_scenario(name)
+    family, _, rest = name.partition("/")
+    nodes, _, duplex = rest.partition("-")
+    assert scenario.name == name
+    assert scenario.num_nodes == int(nodes.removeprefix("k"))
+    assert scenario.duplex.kind == duplex
+    assert scenario.reward.kind == {"paper": "paper", "best": "mean_age"}[family]
+    assert scenario.num_slots == 100
+    assert scenario.description
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_has_a_world(name):
+    assert World(load_scenario(name)).num_slots == 100
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_round_trip_through_yaml(name, tmp_path):
+    scenario = load_scenario(name)
+    path = tmp_path / "copy.yaml"
+    path.write_text(to_yaml(scenario), encoding="utf-8")
+    copy = load_scenario(path)
+    assert copy == scenario
+    assert copy.hash == scenario.hash
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"nodes": {"kind": "random", "count": 4, "redraw": "run", "weights": [1, 0, 2.5, 1e-9]}},
+        {"channel": {"kind": "sonar", "absorption": {"kind": "francois_garrison", "ph": 7.7}}},
+        {"observation": {"kind": "scaled", "node_positions": True, "action_mask": "info"}},
+        {"training.target_kl": 0.015, "training.adam_epsilon": 1e-300},
+        {"charging.power_w": 1e300, "channel.noise_level_db": -0.1},
+    ],
+)
+def test_round_trip_of_every_part(changes, tmp_path):
+    scenario = load_scenario("paper/k3-tdd", changes)
+    path = tmp_path / "copy.yaml"
+    path.write_text(to_yaml(scenario), encoding="utf-8")
+    assert load_scenario(path) == scenario
+
+
+@settings(max_examples=20, deadline=None)
+@example("\x85- #\n\t\r")
+@given(st.text(st.characters(exclude_categories=["Cs"]), max_size=200))
+def test_any_text_survives_as_description(tmp_path_factory, text):
+    scenario = load_scenario("paper/k3-fdd", {"description": text, "name": text})
+    path = tmp_path_factory.mktemp("text") / "copy.yaml"
+    path.write_text(to_yaml(scenario), encoding="utf-8", newline="")
+    assert load_scenario(path) == scenario
+
+
+@pytest.mark.parametrize("name", ["paper/k3-fdd.yaml", "./paper/k3-fdd"])
+def test_other_spellings_of_a_name(name):
+    assert load_scenario(name) == load_scenario("paper/k3-fdd")
+
+
+def test_path_and_scenario_and_mapping_are_sources_too():
+    scenario = load_scenario("paper/k3-fdd")
+    assert load_scenario(bundled_root() / "paper/k3-fdd.yaml") == scenario
+    assert load_scenario(scenario) == scenario
+    assert load_scenario({"extends": "paper/k3-fdd", "name": scenario.name}) == scenario
+    assert load_scenario({**scenario.model_dump()}) == scenario
+
+
+def test_file_is_called_by_its_name_without_suffix(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("extends: paper/k3-fdd\n")
+    assert load_scenario(path).name == "mine"
+
+
+def test_scenario_is_immutable():
+    scenario = load_scenario("paper/k3-fdd")
+    with pytest.raises(ValueError, match="frozen"):
+        scenario.name = "other"

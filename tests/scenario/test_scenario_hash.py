@@ -1,0 +1,152 @@
+"""A scenario's hash: the same for equal scenarios, another one for whatever matters."""
+
+import random
+import subprocess
+import sys
+from contextlib import suppress
+
+import pytest
+
+from iout_marl import InputError, bundled_names, load_scenario
+from iout_marl.scenario import to_yaml
+
+SCENARIOS = {
+    "fdd": load_scenario("paper/k3-fdd"),
+    "tdd": load_scenario("best/k3-tdd"),
+    "sonar": load_scenario(
+        "paper/k3-tdd",
+        {
+            "channel": {"kind": "sonar", "absorption": {"kind": "francois_garrison"}},
+            "nodes": {"kind": "random", "count": 4},
+            "training.target_kl": 0.1,
+        },
+    ),
+}
+WORDS = (
+    "fixed", "random", "run", "episode", "thorp", "francois_garrison", "table", "equation",
+    "sonar", "fdd", "tdd", "paper", "stored", "mean_age", "scaled", "none", "info",
+    "observation", "constant", "linear", "tanh", "relu", "running", "first_rollout",
+)  # fmt: skip
+#: Names, keys with a single possible value, and a kind that needs other keys beside it.
+LEFT_OUT = {"name", "description", "training.preset", "auvs.motion", "nodes.kind"}
+
+
+def leaves(data, path=""):
+    for key, value in data.items():
+        here = f"{path}.{key}" if path else key
+        if isinstance(value, dict):
+            yield from leaves(value, here)
+        else:
+            yield here, value
+
+
+def other_values(value):
+    """Values of the same kind, of which at least one should be allowed."""
+    if isinstance(value, bool):
+        return [not value]
+    if isinstance(value, int):
+        return [value + 1, value - 1]
+    if isinstance(value, float):
+        return [value * 1.001 + 1e-9, value * 0.999]
+    if isinstance(value, str):
+        return [word for word in WORDS if word != value]
+    if isinstance(value, tuple):
+        return [(item, *value[1:]) for item in other_values(value[0])]
+    return [1, 0.5, [1.0, 1.0, 2.0], [1.0, 1.0, 1.0, 2.0]]
+
+
+LEAVES = [
+    pytest.param(name, key, value, id=f"{name}-{key}")
+    for name, scenario in SCENARIOS.items()
+    for key, value in leaves(scenario.model_dump())
+    if key not in LEFT_OUT
+]
+
+
+@pytest.mark.parametrize(("name", "key", "value"), LEAVES)
+def test_changes_with_every_value(name, key, value):
+    scenario, changed = SCENARIOS[name], []
+    for other in other_values(value):
+        with suppress(InputError):
+            changed.append(load_scenario(scenario, {key: other}))
+    changed = [c for c in changed if c != scenario]
+    assert changed, "no other value is allowed"
+    assert all(c.hash != scenario.hash for c in changed)
+    is_of_the_world = not key.startswith(("reward.", "training."))
+    assert all((c.world_hash != scenario.world_hash) == is_of_the_world for c in changed)
+
+
+def test_changes_with_the_kind_of_layout():
+    fixed = load_scenario("paper/k3-fdd")
+    drawn = load_scenario(fixed, {"nodes": {"kind": "random", "count": 3}})
+    assert drawn.hash != fixed.hash
+    assert drawn.world_hash != fixed.world_hash
+
+
+@pytest.mark.parametrize("changes", [{"name": "x"}, {"description": "y"}])
+def test_ignores_names(changes):
+    scenario = load_scenario("paper/k3-fdd")
+    assert load_scenario(scenario, changes).hash == scenario.hash
+
+
+@pytest.mark.parametrize("name", bundled_names())
+def test_ignores_the_order_of_keys(name):
+    scenario = load_scenario(name)
+
+    def shuffled(data):
+        if not isinstance(data, dict):
+            return data
+        keys = list(data)
+        random.Random(name).shuffle(keys)
+        return {key: shuffled(data[key]) for key in keys}
+
+    assert load_scenario(shuffled(scenario.model_dump())).hash == scenario.hash
+
+
+@pytest.mark.parametrize("written", ["30", "30.0", "3e1", "3.0E+1", "+30", "0x1e", "!!float 30"])
+def test_ignores_how_a_number_is_written(written):
+    scenario = load_scenario("paper/k3-fdd")
+    assert scenario.channel.noise_level_db == 30
+    assert load_scenario(scenario, [f"channel.noise_level_db={written}"]).hash == scenario.hash
+
+
+def test_minus_zero_is_zero():
+    zero, minus_zero = (
+        load_scenario("paper/k3-fdd", [f"channel.noise_level_db={text}"]) for text in ("0", "-0.0")
+    )
+    assert zero == minus_zero
+    assert zero.hash == minus_zero.hash
+
+
+def test_ignores_defaults_that_are_spelt_out(tmp_path):
+    path = tmp_path / "whole.yaml"
+    path.write_text(to_yaml(load_scenario("best/k5-tdd")), encoding="utf-8")
+    assert load_scenario(path).hash == load_scenario("best/k5-tdd").hash
+
+
+def test_is_twelve_hexadecimal_digits():
+    hashes = [load_scenario(name).hash for name in bundled_names()]
+    assert len(set(hashes)) == len(hashes)
+    assert all(len(h) == 12 and int(h, 16) >= 0 for h in hashes)
+
+
+def test_same_world_has_the_same_world_hash():
+    paper, best = load_scenario("paper/k3-fdd"), load_scenario("best/k3-fdd")
+    assert paper.world_hash == best.world_hash
+    assert paper.hash != best.hash
+
+
+def test_is_the_same_in_another_process():
+    names = bundled_names()
+    program = (
+        "import sys; from iout_marl.scenario import load_scenario; "
+        "print(*(load_scenario(n).hash for n in sys.argv[1:]))"
+    )
+    printed = subprocess.run(
+        [sys.executable, "-c", program, *names],
+        env={"PYTHONHASHSEED": "12345"},
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    assert printed.split() == [load_scenario(name).hash for name in names]
