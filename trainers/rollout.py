@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -143,7 +143,7 @@ class Simulation:
 
     def state_dict(self) -> dict[str, Any]:
         """State and streams, as tensors and plain values."""
-        arrays = {f.name: getattr(self.state, f.name) for f in fields(self.state)}
+        arrays = self.state._asdict()
         return {
             "state": {k: torch.as_tensor(v).cpu().clone() for k, v in arrays.items()},
             "layout_rng": self.layout_rng.bit_generator.state,

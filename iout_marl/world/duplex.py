@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from iout_marl import physics
 from iout_marl.physics.arrays import Array
@@ -12,8 +11,7 @@ from iout_marl.world.backend import Backend
 from iout_marl.world.link import Link
 
 
-@dataclass(frozen=True, slots=True)
-class Split:
+class Split(NamedTuple):
     """How each AUV's slot is split, (envs, auvs) each."""
 
     beta: Array  # share for charging, as reported: 0 in FDD, which splits nothing

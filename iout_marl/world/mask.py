@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
 from iout_marl.world.backend import Backend
@@ -14,8 +16,8 @@ class ActionMask:
     """Marks sensible choices: staying in the grid, hearing a node that may pay.
 
     A node is masked out in FDD only where it could not pay from any cell within one
-    move, even if it were charged in the same slot. In TDD every node may be chosen:
-    what can not send is charged.
+    move, even if all AUVs charged it in the same slot, each from where it is best done. In
+    TDD every node may be chosen: what can not send is charged.
     """
 
     def __init__(self, scenario: Scenario, link: Link, motion: Motion, backend: Backend) -> None:
@@ -24,10 +26,8 @@ class ActionMask:
         self._xp = backend.xp
         self._num_nodes = scenario.num_nodes
         self._is_fdd = scenario.duplex.kind == "fdd"
-        # Others may charge the node too, from as near as can be.
-        self._others_j = (
-            (scenario.num_auvs - 1) * float(link.channel.harvested_power_w(0.0)) * scenario.slot_s
-        )
+        #: (auvs, auvs): 1 for each other AUV.
+        self._others = backend.floats(1 - np.eye(scenario.num_auvs))
 
     def __call__(self, state: State) -> Array:
         """(envs, auvs, choices) bool: directions, nodes to charge, in FDD nodes to hear."""
@@ -46,6 +46,7 @@ class ActionMask:
         link = self._link
         reachable = self._motion.neighbours(state.cell)
         offset = link.offset(reachable[..., None], state.node_cell[:, None, None, :])
-        charged_j = link.at(link.harvested_w, offset) * link.slot_s + self._others_j
-        best_j = state.energy_j[:, None, None, :] + charged_j
+        charged_j = link.at(link.harvested_w, offset) * link.slot_s
+        others_j = self._others @ self._xp.max(charged_j, axis=2)
+        best_j = (state.energy_j[:, None, :] + others_j)[:, :, None, :] + charged_j
         return self._xp.any(best_j > link.at(link.slot_uplink_j, offset), axis=2)

@@ -39,11 +39,12 @@ class MeanAge:
 
     def __init__(self, scenario: Scenario, nodes: NodeAxis, backend: Backend) -> None:
         self._weights = backend.floats([w / scenario.num_nodes for w in scenario.node_weights])
+        self._all_alike = set(scenario.node_weights) == {1.0}
         self._nodes = nodes
 
     def weighted_age(self, state: State) -> Array:
         """(1/K) Σ δ_k A_k, (envs,)."""
-        return state.age @ self._weights
+        return state.mean_age if self._all_alike else state.age @ self._weights
 
     def __call__(self, state: State, events: Events) -> Mapping[str, Array]:  # noqa: ARG002
         return {"age": self._nodes.alike(-self.weighted_age(state))}

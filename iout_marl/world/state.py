@@ -1,15 +1,18 @@
-"""What the world is at a moment, and what happened in a slot."""
+"""What the world is at a moment, and what happened in a slot.
+
+Named tuples: immutable, made in a fraction of the time of a frozen dataclass, and known
+to torch's compiler.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 from iout_marl.physics.arrays import Array
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(NamedTuple):
     """A batch of environments between two slots. Shapes are (envs, auvs, nodes) in this order."""
 
     slot: Array  # (envs,) int: slots that are over
@@ -28,11 +31,10 @@ class State:
 
     def map(self, function: Callable[[Array], Array]) -> State:
         """The state with `function` applied to every array."""
-        return State(**{f.name: function(getattr(self, f.name)) for f in fields(State)})
+        return State(*(function(array) for array in self))
 
 
-@dataclass(frozen=True, slots=True)
-class Events:
+class Events(NamedTuple):
     """What each AUV did in a slot, and what came of it."""
 
     left_grid: Array  # (envs, auvs) bool: tried to leave the grid

@@ -135,7 +135,7 @@ class World:
         payable_j = state.energy_j + nodes.total(charged_hot, harvested_j)
 
         sends = self.duplex.sends(split, nodes.chosen(payable_j, heard))
-        delivered = settle(xp, sends, heard, link.at(link.distance_m, heard_offset))
+        delivered = settle(xp, sends, heard, link, heard_offset)
         spent_j = xp.where(delivered, split.required_j, self._zero)
         # At the root of the energy balance a rounding may leave less than nothing.
         energy_j = xp.maximum(payable_j - nodes.total(heard_hot, spent_j), self._zero)
@@ -154,7 +154,7 @@ class World:
             deliveries=deliveries,
             mean_age=mean_age,
             jain=jain_index(
-                xp, nodes.sum(deliveries), nodes.sum(deliveries * deliveries), self.num_nodes
+                xp, nodes.sum(deliveries), xp.vecdot(deliveries, deliveries), self.num_nodes
             ),
             age_sum=state.age_sum + mean_age,
             peak_age=xp.maximum(state.peak_age, xp.max(age, axis=-1)),
