@@ -13,6 +13,7 @@ and raises `AssertionError` with what it found:
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import math
 import pickle
@@ -144,7 +145,7 @@ def _check_slot(
 def _check_in_space(space: spaces.Space[Any], value: Any, what: str) -> None:
     if isinstance(space, spaces.Dict):
         assert isinstance(value, dict), f"{what} is a {type(value)}"
-        assert list(value) == list(space.spaces), f"{what} has the keys {list(value)}"
+        assert value.keys() == space.spaces.keys(), f"{what} has the keys {list(value)}"
         for key, subspace in space.spaces.items():
             _check_in_space(subspace, value[key], f"{what}[{key}]")
         return
@@ -166,10 +167,16 @@ def check_deterministic(make: EnvFactory, seed: int) -> None:
 
 
 def check_reset_repeats(make: EnvFactory, seed: int) -> None:
-    """A second reset with the same seed repeats the first, in mid-episode too."""
+    """A second reset with the same seed repeats the first, in mid-episode too.
+
+    Also after a reset with another seed.
+    """
     env = make()
     first = play(env, seed)
     assert_equal(first, play(env, seed), "a second reset with the same seed differs")
+    play(env, seed + 1)
+    assert_equal(first, play(env, seed), "a reset with another seed leaves something behind")
+    assert_equal(first, play(make(), seed), "a reset leaves something behind")
     env.reset(seed=seed)
     env.step(sample_actions(env, np.random.default_rng(seed)))
     assert_equal(first, play(env, seed), "a reset in mid-episode leaves something behind")
@@ -189,20 +196,36 @@ def check_nothing_is_mutated(make: EnvFactory, seed: int) -> None:
     env.reset()
     assert_equal(handed_out, copies, "something handed out was changed later")
 
-    spoilt, rng = make(), np.random.default_rng(seed)
-    returned = spoilt.reset(seed=seed)
-    record = [_snapshot(spoilt, returned)]
-    for _ in range(MAX_SLOTS):
+    message = "writing into what was handed out changes the environment"
+    with _blamed(message):
+        assert_equal(_play_spoiling(make(), seed), copies, message)
+
+
+def _play_spoiling(env: Any, seed: int) -> Record:
+    """Play an episode, and write into whatever is handed out and in."""
+    rng = np.random.default_rng(seed)
+    returned = env.reset(seed=seed)
+    record = [_snapshot(env, returned)]
+    while env.agents:
         _spoil(returned)
-        if hasattr(spoilt, "state_space"):
-            _spoil(spoilt.state())
-        if not spoilt.agents:
-            break
-        actions = sample_actions(spoilt, rng)
-        returned = spoilt.step(actions)
+        if hasattr(env, "state_space"):
+            _spoil(env.state())
+        actions = sample_actions(env, rng)
+        returned = env.step(actions)
         _spoil(actions)
-        record.append(_snapshot(spoilt, returned))
-    assert_equal(record, copies, "writing into what was handed out changes the environment")
+        record.append(_snapshot(env, returned))
+    return record
+
+
+@contextlib.contextmanager
+def _blamed(message: str) -> Iterator[None]:
+    """Whatever the environment raises is an AssertionError with this message."""
+    try:
+        yield
+    except AssertionError:
+        raise
+    except Exception as error:
+        raise AssertionError(f"{message}: {error!r}") from error
 
 
 def _spoil(value: Any) -> None:
@@ -226,20 +249,31 @@ def check_copies_continue(make: EnvFactory, seed: int) -> None:
     env.reset(seed=seed)
     for _ in zip(range(3), _slots(env, rng), strict=False):
         pass
-    copies = {"deep copy": copy.deepcopy(env), "pickle": pickle.loads(pickle.dumps(env))}
+    with _blamed("the environment can not be copied"):
+        copies = {"deep copy": copy.deepcopy(env), "pickle": pickle.loads(pickle.dumps(env))}
     original = play_on(env, seed + 1)
     for what, twin in copies.items():
-        assert_equal(original, play_on(twin, seed + 1), f"a {what} goes on differently")
+        message = f"a {what} goes on differently"
+        with _blamed(message):
+            assert_equal(original, play_on(twin, seed + 1), message)
 
 
 def check_global_generators_untouched(make: EnvFactory, seed: int) -> None:
     """Neither Python's nor NumPy's global generator is drawn from or seeded."""
-    python, numpy = random.getstate(), np.random.get_state(legacy=False)  # noqa: NPY002
-    make().reset()
-    play(make(), seed)
-    assert random.getstate() == python, "Python's global generator was touched"
-    after = np.random.get_state(legacy=False)  # noqa: NPY002
-    assert_equal(numpy, after, "NumPy's global generator was touched")
+    before = random.getstate(), np.random.get_state(legacy=False)  # noqa: NPY002
+    try:
+        # Whoever seeded them just now would seed them to where they are.
+        random.random()
+        np.random.random()  # noqa: NPY002
+        python, numpy = random.getstate(), np.random.get_state(legacy=False)  # noqa: NPY002
+        make().reset()
+        play(make(), seed)
+        assert random.getstate() == python, "Python's global generator was touched"
+        after = np.random.get_state(legacy=False)  # noqa: NPY002
+        assert_equal(numpy, after, "NumPy's global generator was touched")
+    finally:
+        random.setstate(before[0])
+        np.random.set_state(before[1])  # noqa: NPY002
 
 
 def check_vector_env(

@@ -35,7 +35,7 @@ def tiny():
     """Makes the tiny scenario of a bundled one, with changes of the caller's."""
 
     def make(changes=(), scenario="best/k3-fdd"):
-        return load_scenario(scenario, TINY | dict(changes))
+        return load_scenario(load_scenario(scenario, TINY), changes)
 
     return make
 

@@ -158,10 +158,8 @@ class Episodes:
         return reward
 
     def _checked(self, action: npt.ArrayLike) -> npt.NDArray[np.int64]:
-        values = np.asarray(action)
+        values = integers(action)
         shape = (self.world.num_envs, self.world.num_auvs, len(self._sizes))
-        if values.dtype.kind not in "iu":
-            raise ValueError(f"actions must be integers, not {values.dtype}")
         if values.shape != shape:
             raise ValueError(
                 f"an action must have {len(self._sizes)} entries, below {tuple(self._sizes)}: "
@@ -232,6 +230,21 @@ class Episodes:
             for env in range(self.world.num_envs):
                 text = as_text(Snapshot.of(self.world, self.current, self.events, env))
                 sys.stdout.write(f"{text}\n")
+
+
+def integers(action: Any, what: str = "an action") -> npt.NDArray[Any]:
+    """An action as an array of integers.
+
+    Raises:
+        ValueError: it is of something else, or ragged.
+    """
+    try:
+        values = np.asarray(action)
+    except ValueError:
+        values = np.asarray(action, dtype=object)
+    if values.dtype.kind not in "iu":
+        raise ValueError(f"{what} must be integers, as many for every AUV, not {action!r}")
+    return values
 
 
 def box(ranges: Ranges) -> spaces.Box:

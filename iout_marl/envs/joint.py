@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from iout_marl.envs.episodes import RENDER_MODES, Episodes, FloatArray
+from iout_marl.envs.episodes import RENDER_MODES, Episodes, FloatArray, integers
 from iout_marl.scenario import Scenario
 
 
@@ -55,7 +55,7 @@ class AUVEnv(gymnasium.Env[Any, Any]):
             ValueError: the action lies outside its space.
             RuntimeError: the episode is over, or has not begun.
         """
-        actions = split_actions(self._episodes, np.asarray(action)[None])
+        actions = split_actions(self._episodes, integers(action)[None])
         reward = float(self._episodes.step(actions).mean())
         return self._observation(), reward, False, self._episodes.is_over, self._info()
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
-from iout_marl.envs.episodes import RENDER_MODES, Episodes
+from iout_marl.envs.episodes import RENDER_MODES, Episodes, integers
 from iout_marl.scenario import Scenario
 
 Observation = Any
@@ -105,7 +105,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         missing = [a for a in agents if a not in actions]
         if missing:
             raise ValueError(f"no action for {', '.join(missing)}")
-        rewards = self._episodes.step(np.array([[actions[a] for a in agents]]))
+        rewards = self._episodes.step(np.array([[self._own_action(actions, a) for a in agents]]))
         over = self._episodes.is_over
         result = (
             self._observations(),
@@ -117,6 +117,15 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         if over:
             self.agents = []
         return result
+
+    def _own_action(self, actions: dict[str, Any], agent: str) -> npt.NDArray[Any]:
+        action = integers(actions[agent], f"the action of {agent}")
+        expected = self.action_spaces[agent].shape
+        if action.shape != expected:
+            raise ValueError(
+                f"the action of {agent} must have shape {expected}, not {action.shape}"
+            )
+        return action
 
     def state(self) -> npt.NDArray[np.float32]:
         """What a central critic may see, (entries,): see `Observer.observe_globally`."""

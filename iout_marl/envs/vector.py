@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from iout_marl.envs.episodes import RENDER_MODES, Episodes
+from iout_marl.envs.episodes import RENDER_MODES, Episodes, integers
 from iout_marl.envs.joint import joint_info, joint_observations, joint_spaces, split_actions
 from iout_marl.scenario import Scenario
 
@@ -97,7 +97,7 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
             RuntimeError: before the first reset.
         """
         episodes = self._episodes
-        reward = episodes.step(split_actions(episodes, np.asarray(actions))).mean(axis=1)
+        reward = episodes.step(split_actions(episodes, integers(actions))).mean(axis=1)
         over = episodes.is_over
         truncations = np.full(self.num_envs, over)
         terminations = np.zeros(self.num_envs, dtype=np.bool_)

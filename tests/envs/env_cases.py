@@ -31,10 +31,11 @@ def scenario(duplex="fdd", auvs=1, layout="fixed", mask="none", slots=SLOTS, **c
     return load_scenario(f"paper/k3-{duplex}", settings | LAYOUTS[layout] | changes)
 
 
-#: Every combination, by name.
+#: By name: every combination, but for layouts of the run, which shape no observation.
 CASES = {
     "-".join(map(str, case)): case
     for case in itertools.product(("fdd", "tdd"), STARTS, LAYOUTS, MASKS)
+    if case[2:] not in (("run", "info"), ("run", "observation"))
 }
 
 

@@ -1,0 +1,429 @@
+"""The contract of the design page: names, spaces, infos, ends, errors, render modes."""
+
+import copy
+import pickle
+
+import numpy as np
+import pettingzoo
+import pytest
+from env_cases import CASES, SLOTS, STARTS, case_scenario, scenario
+from gymnasium import spaces
+
+from iout_marl import InputError, bundled_names, iout_v0, load_scenario
+from iout_marl.envs import AUVEnv, AUVParallelEnv
+from iout_marl.envs.episodes import INFO_KEYS
+
+#: Two AUVs at the only node, charging and hearing it: the first one gets its packet.
+AT_THE_NODE = {
+    "nodes.cells": [[5, 5, 2], [9, 9, 4], [1, 1, 4]],
+    "auvs.start_cells": [[5, 5, 1], [5, 5, 3]],
+}
+
+
+def random_actions(env, rng):
+    return {a: rng.integers(0, env.action_space(a).nvec) for a in env.agents}
+
+
+def play(env, seed=0):
+    """Whatever `reset` and every `step` of an episode return, as (observations, …, infos)."""
+    rng = np.random.default_rng(seed)
+    yield env.reset(seed=seed)
+    while env.agents:
+        yield env.step(random_actions(env, rng))
+
+
+# What is offered ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", bundled_names())
+def test_bundled_scenario_plays_an_episode(name):
+    env = iout_v0.parallel_env(name)
+    k = env.scenario.num_nodes
+    nodes = [k] * (2 if name.endswith("fdd") else 1)
+    assert env.action_space("auv_0") == spaces.MultiDiscrete([6, *nodes])
+    *_, (_, _, _, truncations, _) = play(env)
+    assert truncations == {"auv_0": True}
+
+
+def test_default_scenario_is_the_papers_with_ten_nodes():
+    for form in (iout_v0.parallel_env, AUVEnv):
+        assert form().scenario == load_scenario("paper/k10-fdd")
+
+
+def test_scenario_may_be_a_path(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("extends: paper/k3-tdd\n")
+    for source in (path, str(path)):
+        assert iout_v0.parallel_env(source).scenario.num_nodes == 3
+
+
+@pytest.mark.parametrize("make", [iout_v0.parallel_env, iout_v0.env, iout_v0.raw_env, AUVEnv])
+def test_unknown_scenario_is_refused_with_what_was_meant(make):
+    with pytest.raises(InputError, match="did you mean 'paper/k3-fdd'"):
+        make(scenario="paper/k3-fd")
+
+
+def test_registry_makes_both_forms():
+    parallel = pettingzoo.make("parallel", "iout/AUV-v0", scenario="paper/k3-fdd")
+    assert isinstance(parallel, AUVParallelEnv)
+    aec = pettingzoo.make("aec", "iout/AUV-v0", scenario="paper/k3-fdd", render_mode="ansi")
+    assert isinstance(aec, pettingzoo.AECEnv)
+    assert aec.render_mode == "ansi"
+    for env in (parallel, aec):
+        assert env.unwrapped.possible_agents == ["auv_0"]
+        assert env.observation_space("auv_0").shape == (9,)
+
+
+def test_forms_are_those_that_pettingzoo_knows():
+    assert isinstance(iout_v0.parallel_env(), pettingzoo.ParallelEnv)
+    assert isinstance(iout_v0.raw_env(), pettingzoo.AECEnv)
+    assert isinstance(iout_v0.env(), pettingzoo.AECEnv)
+    assert iout_v0.env().unwrapped.metadata["is_parallelizable"]
+    assert iout_v0.parallel_env().metadata["name"] == "iout_v0"
+    assert str(iout_v0.parallel_env()) == "iout_v0"
+
+
+# Agents and spaces ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("auvs", STARTS)
+def test_agents_are_numbered_from_zero(auvs):
+    env = iout_v0.parallel_env(scenario(auvs=auvs))
+    assert env.possible_agents == [f"auv_{i}" for i in range(auvs)]
+    assert env.agents == []
+    env.reset(seed=0)
+    assert env.agents == env.possible_agents
+
+
+@pytest.mark.parametrize(("duplex", "sizes"), [("fdd", [6, 3, 3]), ("tdd", [6, 3])])
+@pytest.mark.parametrize("mask", ["none", "info", "observation"])
+def test_action_is_a_direction_and_a_node_for_each_band(duplex, sizes, mask):
+    env = iout_v0.parallel_env(scenario(duplex, 3, mask=mask))
+    for agent in env.possible_agents:
+        assert env.action_space(agent) == spaces.MultiDiscrete(sizes)
+
+
+def test_spaces_are_one_object_of_each_agents_own():
+    env = iout_v0.parallel_env(scenario(auvs=3, mask="observation"))
+    for space_of in (env.action_space, env.observation_space):
+        assert space_of("auv_1") is space_of("auv_1")
+        assert space_of("auv_1") is not space_of("auv_0")
+    env.action_space("auv_0").seed(0)
+    first = env.action_space("auv_0").sample()
+    env.action_space("auv_0").seed(0)
+    env.action_space("auv_1").seed(1)
+    env.action_space("auv_1").sample()
+    np.testing.assert_array_equal(env.action_space("auv_0").sample(), first)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_bounds_of_observation_and_state_are_finite(case):
+    env = iout_v0.parallel_env(case_scenario(case))
+    space = env.observation_space("auv_0")
+    boxes = [space["observation"] if isinstance(space, spaces.Dict) else space, env.state_space]
+    for box in boxes:
+        assert box.dtype == np.float32
+        assert np.isfinite(box.low).all()
+        assert np.isfinite(box.high).all()
+
+
+def test_observation_is_position_ages_and_energies():
+    world = load_scenario("paper/k3-fdd", AT_THE_NODE)
+    env = iout_v0.parallel_env(world)
+    observations, _ = env.reset(seed=0)
+    np.testing.assert_array_equal(observations["auv_0"], [5, 5, 1, 1, 1, 1, 0, 0, 0])
+    np.testing.assert_array_equal(observations["auv_1"], [5, 5, 3, 1, 1, 1, 0, 0, 0])
+    # Up into the node's cell, charging node 0, hearing node 0; down and charging node 1.
+    actions = {"auv_0": np.array([4, 0, 0]), "auv_1": np.array([1, 1, 1])}
+    observations, _, _, _, infos = env.step(actions)
+    harvested = [infos[agent]["harvested_j"] for agent in env.agents]
+    observed = observations["auv_0"]
+    np.testing.assert_array_equal(observed[:3], [5, 5, 2])
+    np.testing.assert_array_equal(observations["auv_1"][:3], [4, 5, 3])
+    assert infos["auv_0"]["delivered"] == 1
+    np.testing.assert_array_equal(observed[3:6], [1, 2, 2])
+    assert 0 < observed[6] < harvested[0]
+    np.testing.assert_allclose(observed[7], harvested[1], rtol=1e-6)
+    assert observed[8] == 0
+    np.testing.assert_array_equal(observations["auv_1"][3:], observed[3:])
+
+
+def test_scaled_observation_is_position_ages_energies_nodes_and_time():
+    world = scenario(layout="episode", auvs=3)
+    env = iout_v0.parallel_env(world)
+    space = env.observation_space("auv_0")
+    assert space.shape == (3 + 3 + 3 + 9 + 1,)
+    np.testing.assert_array_equal(space.low, 0)
+    np.testing.assert_array_equal(space.high, 1)
+    for slot, (observations, *_) in enumerate(play(env)):
+        for observation in observations.values():
+            assert observation[-1] == np.float32(slot / SLOTS)
+    # The state tells the same nodes, in cells from 1.
+    cells = env.state()[-10:-1].reshape(3, 3)
+    scaled = observations["auv_0"][9:18].reshape(3, 3)
+    np.testing.assert_allclose(scaled, (cells - 1) / [9, 9, 3], rtol=1e-6)
+
+
+@pytest.mark.parametrize("auvs", STARTS)
+def test_state_is_what_all_auvs_see_and_more(auvs):
+    env = iout_v0.parallel_env(scenario(auvs=auvs))
+    assert env.state_space.shape == (3 * auvs + 6 * 3 + 1,)
+    for slot, (observations, *_) in enumerate(play(env)):
+        state = env.state()
+        positions = [observation[:3] for observation in observations.values()]
+        np.testing.assert_array_equal(state[: 3 * auvs], np.concatenate(positions))
+        np.testing.assert_array_equal(state[3 * auvs : 3 * auvs + 6], observations["auv_0"][3:])
+        assert state[-1] == np.float32(slot / SLOTS)
+        assert env.state_space.contains(state)
+
+
+# Infos ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_infos_have_the_same_numeric_keys_from_reset_on(case):
+    env = iout_v0.parallel_env(case_scenario(case))
+    masked = env.scenario.observation.action_mask == "info"
+    for *_, infos in play(env):
+        for info in infos.values():
+            assert list(info) == [*INFO_KEYS, *(["action_mask"] if masked else [])]
+            assert all(type(info[name]) is float for name in INFO_KEYS)
+
+
+def test_infos_of_a_reset_tell_that_nothing_has_happened():
+    _, infos = iout_v0.parallel_env(scenario("tdd", 3)).reset(seed=0)
+    for info in infos.values():
+        assert info["mean_aoi"] == info["time_mean_aoi"] == 1
+        others = set(INFO_KEYS) - {"mean_aoi", "time_mean_aoi"}
+        assert {name: info[name] for name in others} == dict.fromkeys(others, 0)
+
+
+@pytest.mark.parametrize("duplex", ["fdd", "tdd"])
+@pytest.mark.parametrize("auvs", STARTS)
+def test_infos_follow_from_the_observations(duplex, auvs):
+    env = iout_v0.parallel_env(scenario(duplex, auvs, **{"age.maximum": 4}))
+    mean_ages, peak, total_j, deliveries = [], 0, 0.0, 0
+    _, *slots = play(env)
+    for observations, *_, infos in slots:
+        ages, stored_j = np.split(observations["auv_0"][3:].astype(float), 2)
+        mean_ages.append(ages.mean())
+        peak = max(peak, ages.max())
+        total_j += sum(info["harvested_j"] for info in infos.values())
+        deliveries += sum(info["delivered"] for info in infos.values())
+        for info in infos.values():
+            assert info["mean_aoi"] == pytest.approx(mean_ages[-1])
+            assert info["time_mean_aoi"] == pytest.approx(np.mean(mean_ages))
+            assert info["peak_aoi"] == peak
+            assert info["total_harvested_j"] == pytest.approx(total_j)
+            spent_j = pytest.approx(total_j - stored_j.sum(), abs=1e-5 * (1 + total_j))
+            assert info["total_spent_j"] == spent_j
+            assert (info["jain"] > 0) == (deliveries > 0)
+            assert info["delivered"] in (0, 1)
+            assert info["beta"] == 0 or duplex == "tdd"
+    assert deliveries > 0 or auvs == 1
+    assert info["age_violations"] > 0
+
+
+def test_beta_is_told_in_tdd():
+    world = load_scenario("paper/k3-tdd", AT_THE_NODE)
+    env = iout_v0.parallel_env(world)
+    env.reset(seed=0)
+    *_, infos = env.step({"auv_0": [4, 0], "auv_1": [5, 1]})
+    assert 0 < infos["auv_0"]["beta"] <= 1
+    assert infos["auv_0"]["delivered"] == (infos["auv_0"]["beta"] < 1)
+
+
+# Ends, streams and copies ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("duplex", ["fdd", "tdd"])
+@pytest.mark.parametrize("auvs", STARTS)
+def test_all_agents_are_truncated_together_at_the_last_slot_and_only_then(duplex, auvs):
+    env = iout_v0.parallel_env(scenario(duplex, auvs))
+    _, *slots = play(env)
+    assert len(slots) == SLOTS
+    for slot, (_, _, terminations, truncations, _) in enumerate(slots, start=1):
+        assert terminations == dict.fromkeys(env.possible_agents, False)
+        assert truncations == dict.fromkeys(env.possible_agents, slot == SLOTS)
+    assert env.agents == []
+
+
+def test_episode_of_the_paper_has_a_hundred_slots():
+    assert len(list(play(iout_v0.parallel_env("paper/k3-fdd")))) == 1 + 100
+
+
+def test_layouts_of_episodes_follow_from_the_seed_and_differ():
+    env = iout_v0.parallel_env(scenario(layout="episode"))
+    first, again = ([env.reset(seed=s)[0]["auv_0"] for s in (0, None, None)] for _ in range(2))
+    np.testing.assert_array_equal(first, again)
+    assert len(np.unique(first, axis=0)) == 3
+
+
+def test_layout_of_the_run_follows_from_the_last_seed_given():
+    env = iout_v0.parallel_env(scenario(layout="run", **{"observation.node_positions": True}))
+    first, other, again = ([env.reset(seed=s)[0]["auv_0"] for s in (i, None)] for i in (0, 1, 0))
+    for one, next_one in (first, other, again):
+        np.testing.assert_array_equal(one, next_one)
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_copies_of_an_environment_never_reset_draw_layouts_of_their_own():
+    env = iout_v0.parallel_env(scenario(layout="episode"))
+    pickled = pickle.dumps(env)
+    copies = [env, copy.deepcopy(env), pickle.loads(pickled), pickle.loads(pickled)]
+    observations = [twin.reset()[0]["auv_0"] for twin in copies]
+    assert len(np.unique(observations, axis=0)) == len(copies)
+
+
+@pytest.mark.parametrize("make", [iout_v0.env, iout_v0.raw_env, AUVEnv])
+def test_every_face_can_be_copied_in_mid_episode(make):
+    def next_episode(env):
+        env.step(np.array([0, 1, 1]))
+        returned = env.reset()
+        return returned[0] if make is AUVEnv else env.observe("auv_0")
+
+    env = make(scenario(layout="episode"))
+    env.reset(seed=0)
+    env.step(np.array([0, 1, 1]))
+    twins = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    expected = next_episode(env)
+    for twin in twins:
+        np.testing.assert_array_equal(next_episode(twin), expected)
+
+
+# Errors ---------------------------------------------------------------------------------
+
+BAD_ACTIONS = {
+    "direction out of range": ([6, 0, 0], r"\[6, 0, 0\] lies outside MultiDiscrete\(\[6, 3, 3\]\)"),
+    "node out of range": ([0, 0, 3], "lies outside"),
+    "negative": ([0, -1, 0], "lies outside"),
+    "float": ([0.0, 0.0, 0.0], "must be integers"),
+    "bool": ([True, False, True], "must be integers"),
+    "None": (None, "must be integers"),
+    "text": ("000", "must be integers"),
+    "ragged": ([0, [0, 0], 0], "must be integers"),
+    "too short": ([0, 0], r"must have (shape \(3,\)|3 entries)"),
+    "too long": ([0, 0, 0, 0], r"must have (shape \(3,\)|3 entries)"),
+    "a number": (0, r"must have (shape \(3,\)|3 entries)"),
+    "nested": ([[0, 0, 0]], r"must have (shape \(3,\)|3 entries)"),
+}
+
+
+@pytest.mark.parametrize("auvs", STARTS)
+@pytest.mark.parametrize(("action", "message"), BAD_ACTIONS.values(), ids=BAD_ACTIONS)
+def test_action_outside_its_space_is_refused_and_changes_nothing(auvs, action, message):
+    env = iout_v0.parallel_env(scenario(auvs=auvs))
+    env.reset(seed=0)
+    before = env.state()
+    good = {agent: np.array([0, 0, 0]) for agent in env.agents}
+    with pytest.raises(ValueError, match=message):
+        env.step(good | {f"auv_{auvs - 1}": action})
+    np.testing.assert_array_equal(env.state(), before)
+    assert env.agents == env.possible_agents
+    env.step(good)
+
+
+@pytest.mark.parametrize(("action", "message"), BAD_ACTIONS.values(), ids=BAD_ACTIONS)
+def test_joint_action_outside_its_space_is_refused(action, message):
+    env = AUVEnv(scenario())
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=message):
+        env.step(action)
+
+
+def test_missing_actions_are_refused_by_name():
+    env = iout_v0.parallel_env(scenario(auvs=3))
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="no action for auv_0, auv_2"):
+        env.step({"auv_1": [0, 0, 0]})
+
+
+@pytest.mark.parametrize("dtype", [np.int8, np.uint8, np.int32, np.int64, list, tuple])
+def test_actions_may_be_of_any_integer_type(dtype):
+    env = iout_v0.parallel_env(scenario())
+    env.reset(seed=0)
+    action = dtype([5, 2, 2]) if dtype in (list, tuple) else np.array([5, 2, 2], dtype=dtype)
+    observations, *_ = env.step({"auv_0": action})
+    np.testing.assert_array_equal(observations["auv_0"][:3], [5, 5, 1])
+
+
+@pytest.mark.parametrize("make", [iout_v0.parallel_env, AUVEnv])
+def test_step_before_reset_is_refused(make):
+    with pytest.raises(RuntimeError, match=r"reset\(\) first"):
+        make(scenario()).step({"auv_0": [0, 0, 0]} if make is not AUVEnv else [0, 0, 0])
+
+
+@pytest.mark.parametrize("make", [iout_v0.parallel_env, AUVEnv])
+def test_step_after_the_end_is_refused_until_a_reset(make):
+    env = make(scenario())
+    action = [0, 0, 0] if make is AUVEnv else {"auv_0": [0, 0, 0]}
+    env.reset(seed=0)
+    for _ in range(SLOTS):
+        env.step(action)
+    with pytest.raises(RuntimeError, match=r"reset\(\) first"):
+        env.step(action)
+    env.reset()
+    env.step(action)
+
+
+def test_state_before_reset_is_refused():
+    with pytest.raises(RuntimeError, match=r"reset\(\) first"):
+        iout_v0.parallel_env(scenario()).state()
+
+
+def test_aec_form_refuses_actions_outside_their_space():
+    env = iout_v0.env(scenario())
+    env.reset(seed=0)
+    with pytest.raises(AssertionError, match="not in action space"):
+        env.step(np.array([6, 0, 0]))
+
+
+# Rendering ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("make", [iout_v0.parallel_env, iout_v0.env, iout_v0.raw_env, AUVEnv])
+def test_render_gives_what_its_mode_names(make, capsys):
+    for mode in (None, "human", "ansi"):
+        env = make(scenario(), render_mode=mode)
+        assert env.render_mode == mode
+        env.reset(seed=0)
+        shown = capsys.readouterr().out
+        picture = env.render()
+        assert isinstance(picture, str) if mode == "ansi" else picture is None
+        assert ("slot 0/" in shown) == (mode == "human")
+        env.close()
+
+
+def test_pixels_are_a_picture_of_the_slot():
+    env = iout_v0.parallel_env(scenario(auvs=3), render_mode="rgb_array")
+    env.reset(seed=0)
+    first = env.render()
+    assert first.dtype == np.uint8
+    assert first.ndim == 3
+    assert first.shape[2] == 3
+    env.step(random_actions(env, np.random.default_rng(0)))
+    second = env.render()
+    assert second.shape == first.shape
+    assert (second != first).any()
+
+
+@pytest.mark.parametrize("make", [iout_v0.parallel_env, iout_v0.env, AUVEnv])
+def test_unknown_render_mode_is_refused(make):
+    with pytest.raises(InputError, match="render_mode must be one of"):
+        make(scenario(), render_mode="ascii")
+
+
+@pytest.mark.parametrize("mode", ["ansi", "rgb_array"])
+def test_render_before_reset_is_refused(mode):
+    with pytest.raises(RuntimeError, match=r"reset\(\) first"):
+        iout_v0.parallel_env(scenario(), render_mode=mode).render()
+
+
+@pytest.mark.parametrize("make", [iout_v0.parallel_env, iout_v0.env, AUVEnv])
+def test_close_may_be_called_at_any_time(make):
+    env = make(scenario())
+    env.close()
+    env.reset(seed=0)
+    env.close()
+    env.close()

@@ -1,0 +1,261 @@
+"""The trainer as a whole: it learns, it is deterministic, it keeps to itself."""
+
+import random
+
+import numpy as np
+import pytest
+import torch
+
+from iout_marl import evaluate, iout_v0
+from trainers import TrainedPolicy, Trainer
+
+VARIANTS = {
+    "plain": {},
+    "paper's reward, tdd": {"reward.kind": "paper", "duplex.kind": "tdd"},
+    "all running": {
+        "training.observation_scaling": "running",
+        "training.reward_scaling": "running",
+    },
+    "nothing scaled": {
+        "training.observation_scaling": "none",
+        "training.reward_scaling": "none",
+        "training.normalise_value": False,
+        "training.normalise_advantage": False,
+    },
+    "masks, relu, early stop": {
+        "training.mask_actions": True,
+        "training.activation": "relu",
+        "training.target_kl": 1e-4,
+    },
+    "two auvs in random layouts": {
+        "nodes": {"kind": "random", "count": 2},
+        "auvs.start_cells": [[2, 1, 1], [1, 2, 1]],
+        "training.rollout_slots": 7,
+    },
+}
+
+
+def trained(scenario, seed=0, iterations=3):
+    trainer = Trainer(scenario, seed)
+    return trainer, [trainer.iterate() for _ in range(iterations)]
+
+
+def without_speed(log):
+    return {k: v for k, v in log.items() if not k.startswith("speed/")}
+
+
+@pytest.fixture(scope="module")
+def learnt(tiny):
+    """A policy after some ten thousand steps in the tiny world."""
+    changes = {
+        "training.environments": 16,
+        "training.steps": 16 * 20 * 40,
+        "training.learning_rate": 1e-2,
+        "training.hidden_units": [32],
+        "training.epochs": 4,
+    }
+    trainer = Trainer(tiny(changes), seed=1)
+    logs = []
+    while not trainer.finished:
+        logs.append(trainer.iterate())
+    return trainer, logs
+
+
+def test_learns_a_tiny_task(learnt):
+    trainer, _ = learnt
+    metrics = evaluate(trainer.scenario, TrainedPolicy(trainer.network), 1).metrics
+    chance = evaluate(trainer.scenario, "random-walk", 200).metrics
+    # Taking turns is best: ages of 1 and 2 at any time.
+    assert metrics["mean_aoi"].mean < 1.6
+    assert chance["mean_aoi"].mean > 2
+    assert metrics["jain"].mean > 0.98
+    assert metrics["reward"].mean > chance["reward"].mean + 10
+
+
+def test_logs_show_the_learning(learnt):
+    _, logs = learnt
+    first, last = logs[0], logs[-1]
+    assert last["aoi/mean"] < first["aoi/mean"]
+    assert last["ppo/entropy"] < first["ppo/entropy"]
+    assert last["ppo/value_loss"] < first["ppo/value_loss"]
+    assert abs(first["ppo/kl"]) < 0.5
+    assert first["ppo/learning_rate"] == 1e-2
+    assert last["ppo/learning_rate"] == pytest.approx(1e-2 / 40)
+
+
+def test_loss_is_the_sum_of_its_terms(tiny):
+    scenario = tiny({"training.value_coefficient": 0.7, "training.entropy_coefficient": 0.03})
+    _, (log, *_) = trained(scenario)
+    terms = log["ppo/policy_loss"] + 0.7 * log["ppo/value_loss"] - 0.03 * log["ppo/entropy"]
+    assert log["ppo/loss"] == pytest.approx(terms, abs=1e-5)
+
+
+def test_losses_are_those_of_the_clipped_surrogate(tiny):
+    scenario = tiny({"training.clip": 0.1, "training.mask_actions": True})
+    trainer, _ = trained(scenario, iterations=1)
+    rollout = trainer.simulation.collect(trainer.network, 10, use_mask=True)
+    rng = np.random.default_rng(0)
+    samples = rollout.value.numel()
+    batch = {
+        "inputs": rollout.inputs.flatten(0, 2),
+        "action": rollout.action.flatten(0, 2),
+        "mask": rollout.mask.flatten(0, 2),
+        # As if the policy had moved since: some ratios are clipped, some are not.
+        "log_probability": rollout.log_probability.flatten()
+        + torch.from_numpy(rng.normal(0, 0.2, samples)).float(),
+        "advantage": torch.from_numpy(rng.normal(3, 2, samples)).float(),
+        "returns": torch.from_numpy(rng.normal(0, 1, samples)).float(),
+    }
+    with torch.no_grad():
+        policy = trainer.network.log_probabilities(batch["inputs"], batch["mask"])
+        value = trainer.network.normalised_value(batch["inputs"])
+        now = trainer.network.log_probability(policy, batch["action"])
+    found = {k: float(v) for k, v in trainer._step(batch).items()}
+
+    ratio = (now - batch["log_probability"]).exp().tolist()
+    advantage = batch["advantage"]
+    advantage = ((advantage - advantage.mean()) / advantage.std()).tolist()
+    surrogate = [
+        min(r * a, min(max(r, 0.9), 1.1) * a) for r, a in zip(ratio, advantage, strict=True)
+    ]
+    clipped = [not 0.9 <= r <= 1.1 for r in ratio]
+    assert 0 < sum(clipped) < samples
+    assert found["policy_loss"] == pytest.approx(-np.mean(surrogate), abs=1e-5)
+    assert found["clip_fraction"] == pytest.approx(np.mean(clipped))
+    assert found["kl"] == pytest.approx(np.mean([r - 1 - np.log(r) for r in ratio]), abs=1e-5)
+    assert found["value_loss"] == pytest.approx(((value - batch["returns"]) ** 2).mean().item())
+    assert found["entropy"] == pytest.approx(trainer.network.entropy(policy).mean().item())
+
+
+def test_every_sample_is_learnt_from_once_an_epoch(tiny):
+    trainer = Trainer(tiny({"training.minibatches": 3}))
+    epochs = [list(trainer._minibatches(80)) for _ in range(2)]
+    for epoch in epochs:
+        assert [len(part) for part in epoch] == [27, 27, 26]
+        assert torch.equal(torch.cat(epoch).sort().values, torch.arange(80))
+    assert not torch.equal(epochs[0][0], epochs[1][0])
+
+
+@pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
+def test_same_seed_trains_bit_for_bit_the_same(tiny, changes):
+    scenario = tiny(changes)
+    (first, first_logs), (second, second_logs) = trained(scenario), trained(scenario)
+    for name, tensor in first.network.state_dict().items():
+        assert torch.equal(tensor, second.network.state_dict()[name]), name
+        assert tensor.isfinite().all() or name == "scaler.limit", name
+    assert [*map(without_speed, first_logs)] == [*map(without_speed, second_logs)]
+    assert all(np.isfinite(list(log.values())).all() for log in first_logs)
+
+
+def test_other_seed_trains_another_policy(tiny):
+    (first, _), (second, _) = (trained(tiny(), seed, 1) for seed in (0, 1))
+    weights = [t.network.actor[0].weight for t in (first, second)]
+    assert not torch.equal(*weights)
+
+
+def test_global_generators_stay_as_they_were(tiny):
+    torch_state, python_state = torch.get_rng_state(), random.getstate()
+    numpy_state = np.random.get_state(legacy=False)["state"]  # noqa: NPY002
+    trained(tiny(VARIANTS["two auvs in random layouts"]))
+    assert torch.equal(torch.get_rng_state(), torch_state)
+    assert random.getstate() == python_state
+    after = np.random.get_state(legacy=False)["state"]  # noqa: NPY002
+    assert (after["key"] == numpy_state["key"]).all()
+    assert after["pos"] == numpy_state["pos"]
+
+
+def test_global_generators_do_not_matter(tiny):
+    torch.manual_seed(11)
+    first, _ = trained(tiny(), iterations=1)
+    torch.manual_seed(12)
+    second, _ = trained(tiny(), iterations=1)
+    assert torch.equal(first.network.actor[0].weight, second.network.actor[0].weight)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"training.environments": 1, "training.rollout_slots": 2, "training.minibatches": 2},
+        {"training.environments": 1, "training.rollout_slots": 3, "training.minibatches": 2},
+    ],
+    ids=["one sample each", "uneven"],
+)
+def test_smallest_minibatches_leave_no_nan(tiny, changes):
+    trainer, logs = trained(tiny(changes))
+    assert all(np.isfinite(list(log.values())).all() for log in logs)
+    assert all(p.isfinite().all() for p in trainer.network.parameters())
+
+
+def test_early_stop_takes_fewer_epochs(tiny):
+    scenario = tiny({"training.epochs": 20, "training.learning_rate": 1e-2})
+    stopping = tiny(
+        {"training.epochs": 20, "training.learning_rate": 1e-2, "training.target_kl": 1e-4}
+    )
+    steps = []
+    for each in (scenario, stopping):
+        trainer, _ = trained(each, iterations=1)
+        steps.append(int(trainer.optimizer.state_dict()["state"][0]["step"]))
+    assert steps[0] == 20 * scenario.training.minibatches
+    assert steps[1] < steps[0]
+
+
+def test_environment_steps_are_counted_and_may_overshoot(tiny):
+    trainer = Trainer(tiny({"training.steps": 100}))
+    assert trainer.steps_per_iteration == 80
+    trainer.iterate()
+    assert (trainer.env_steps, trainer.finished) == (80, False)
+    trainer.iterate()
+    assert (trainer.env_steps, trainer.finished) == (160, True)
+
+
+def test_metrics_of_episodes_are_logged_only_where_some_ended(tiny):
+    _, logs = trained(tiny({"training.rollout_slots": 15}), iterations=3)
+    assert ["aoi/mean" in log for log in logs] == [False, True, True]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"duplex.kind": "tdd", "training.mask_actions": True},
+        VARIANTS["two auvs in random layouts"],
+    ],
+    ids=["fdd", "tdd with masks", "two auvs"],
+)
+def test_trained_policy_plays_as_its_network_does_in_the_environment(tiny, changes):
+    trainer, _ = trained(tiny(changes), iterations=5)
+    network, use_mask = trainer.network, trainer.settings.mask_actions
+    policy = TrainedPolicy(network, use_mask=use_mask)
+    evaluation = evaluate(trainer.scenario, policy, episodes=3, seed=5)
+
+    scenario = trainer.scenario.model_copy(
+        update={"observation": trainer.scenario.observation.model_copy(
+            update={"action_mask": "info"})}
+    )  # fmt: skip
+    env = iout_v0.parallel_env(scenario)
+    for episode in range(3):
+        observations, infos = env.reset(seed=5 + episode)
+        total = 0.0
+        while env.agents:
+            stacked = torch.from_numpy(np.stack([observations[a] for a in env.agents]))
+            masks = np.stack([infos[a]["action_mask"] for a in env.agents]) > 0
+            mask = torch.from_numpy(masks) if use_mask else None
+            with torch.no_grad():
+                scores = network.log_probabilities(network.scaler(stacked), mask)
+            chosen = scores.argmax(-1).numpy()
+            actions = dict(zip(env.agents, chosen, strict=True))
+            observations, rewards, _, _, infos = env.step(actions)
+            total += np.mean(list(rewards.values()))
+        assert evaluation.samples["reward"][episode] == pytest.approx(total)
+        jain = infos["auv_0"]["jain"]
+        assert evaluation.samples["jain"][episode] == pytest.approx(jain)
+
+
+def test_stochastic_policy_samples_from_the_stream_of_the_evaluation(tiny):
+    trainer, _ = trained(tiny(), iterations=1)
+    policy = TrainedPolicy(trainer.network, stochastic=True)
+    first, second = (evaluate(trainer.scenario, policy, 4, seed=s) for s in (0, 0))
+    other = evaluate(trainer.scenario, policy, 4, seed=1)
+    assert np.array_equal(first.samples["reward"], second.samples["reward"])
+    assert not np.array_equal(first.samples["reward"], other.samples["reward"])
+    assert len(set(first.samples["reward"])) > 1

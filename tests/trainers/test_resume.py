@@ -1,0 +1,260 @@
+"""A training that was stopped, by a signal or a crash, goes on as if it never had been."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import safetensors.torch
+import torch
+from rich.console import Console
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from iout_marl import InputError
+from trainers import RunFolder, Trainer, train
+
+RANDOM_NODES = {"kind": "random", "count": 2}
+VARIANTS = {
+    "whole episodes": {},
+    "mid-episode": {"training.rollout_slots": 13, "training.steps": 364},
+    "random layouts, mid-episode": {
+        "nodes": RANDOM_NODES,
+        "training.rollout_slots": 13,
+        "training.steps": 364,
+    },
+    "layout drawn once": {"nodes": RANDOM_NODES | {"redraw": "run"}},
+    "running normalisers": {
+        "training.observation_scaling": "running",
+        "training.reward_scaling": "running",
+        "training.rollout_slots": 13,
+        "training.steps": 364,
+    },
+    "two auvs, tdd, masks": {
+        "auvs.start_cells": [[2, 1, 1], [1, 2, 1]],
+        "duplex.kind": "tdd",
+        "training.mask_actions": True,
+        "training.target_kl": 0.001,
+    },
+}
+
+
+@pytest.fixture
+def run(tiny):
+    """Trains the tiny scenario quietly."""
+
+    def go(folder, changes=(), **options):
+        quiet = Console(file=open(os.devnull, "w"))  # noqa: PTH123, SIM115
+        with quiet.file:
+            return train(
+                tiny(changes), folder, seed=3, console=quiet, evaluation_episodes=3, **options
+            )
+
+    return go
+
+
+@pytest.fixture
+def interrupt(monkeypatch):
+    """Lets something happen at the end of a certain iteration, once."""
+    iterate = Trainer.iterate
+
+    def at(number, happens):
+        left = [number]
+
+        def iterate_and_stop(trainer):
+            log = iterate(trainer)
+            left[0] -= 1
+            if left[0] == 0:
+                happens()
+            return log
+
+        monkeypatch.setattr(Trainer, "iterate", iterate_and_stop)
+
+    return at
+
+
+def crash():
+    raise MemoryError
+
+
+def lines(folder):
+    """What `metrics.jsonl` says, but for how fast it went."""
+    text = (folder / "metrics.jsonl").read_text()
+    return [
+        {k: v for k, v in json.loads(line).items() if not k.startswith("speed/")}
+        for line in text.splitlines()
+    ]
+
+
+def tensors(data, path=""):
+    """All tensors and numbers in a checkpoint by their place."""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from tensors(value, f"{path}.{key}")
+    elif isinstance(data, list | tuple):
+        for i, value in enumerate(data):
+            yield from tensors(value, f"{path}[{i}]")
+    else:
+        yield path, data
+
+
+def assert_equal_runs(first, second):
+    saved = [
+        dict(tensors(torch.load(f / "checkpoint.pt", weights_only=True))) for f in (first, second)
+    ]
+    assert set(saved[0]) == set(saved[1])
+    for place, value in saved[0].items():
+        other = saved[1][place]
+        same = torch.equal(value, other) if isinstance(value, torch.Tensor) else value == other
+        assert same, place
+    weights = [safetensors.torch.load_file(f / "policy.safetensors") for f in (first, second)]
+    assert all(torch.equal(weights[0][k], weights[1][k]) for k in weights[0])
+    assert lines(first) == lines(second)
+    results = [json.loads((f / "result.json").read_text())["evaluation"] for f in (first, second)]
+    assert results[0]["metrics"] == results[1]["metrics"]
+
+
+@pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
+def test_stopped_run_goes_on_bit_for_bit(tmp_path, run, interrupt, changes):
+    run(tmp_path / "whole", changes)
+    interrupt(3, lambda: signal.raise_signal(signal.SIGTERM))
+    stopped = run(tmp_path / "stopped", changes)
+    assert not stopped.finished
+    assert stopped.evaluation is None
+    assert len(lines(tmp_path / "stopped")) == 3
+    assert not (tmp_path / "stopped" / "result.json").exists()
+    resumed = run(tmp_path / "stopped", changes, resume=True)
+    assert resumed.finished
+    assert_equal_runs(tmp_path / "whole", tmp_path / "stopped")
+
+
+@pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
+def test_crashed_run_goes_on_from_its_last_checkpoint(tmp_path, run, interrupt, changes):
+    changes = dict(changes) | {"training.checkpoint_steps": 150}
+    run(tmp_path / "whole", changes)
+    interrupt(5, crash)
+    with pytest.raises(MemoryError):
+        run(tmp_path / "crashed", changes)
+    assert len(lines(tmp_path / "crashed")) == 4
+    run(tmp_path / "crashed", changes, resume=True)
+    assert_equal_runs(tmp_path / "whole", tmp_path / "crashed")
+
+
+def test_stopped_twice(tmp_path, run, interrupt):
+    run(tmp_path / "whole")
+    interrupt(2, lambda: signal.raise_signal(signal.SIGINT))
+    run(tmp_path / "stopped")
+    interrupt(2, lambda: signal.raise_signal(signal.SIGINT))
+    assert not run(tmp_path / "stopped", resume=True).finished
+    run(tmp_path / "stopped", resume=True)
+    assert_equal_runs(tmp_path / "whole", tmp_path / "stopped")
+
+
+def test_tensorboard_shows_every_iteration_once(tmp_path, run, interrupt):
+    interrupt(5, crash)
+    with pytest.raises(MemoryError):
+        run(tmp_path / "run")
+    time.sleep(1.1)  # event files are ordered by the second that stands in their names
+    run(tmp_path / "run", resume=True)
+    events = EventAccumulator(str(tmp_path / "run"))
+    events.Reload()
+    shown = [(event.step, pytest.approx(event.value)) for event in events.Scalars("aoi/mean")]
+    assert shown == [(line["env_steps"], line["aoi/mean"]) for line in lines(tmp_path / "run")]
+
+
+@pytest.mark.parametrize("garbage", [b'{"env_st', b"\xff\xfe", b"null\n", b'{"a": 1}\n'])
+def test_line_that_a_crash_cut_short_is_dropped(tmp_path, run, interrupt, garbage):
+    run(tmp_path / "whole")
+    interrupt(3, lambda: signal.raise_signal(signal.SIGINT))
+    run(tmp_path / "stopped")
+    with (tmp_path / "stopped" / "metrics.jsonl").open("ab") as file:
+        file.write(garbage)
+    run(tmp_path / "stopped", resume=True)
+    assert lines(tmp_path / "stopped") == lines(tmp_path / "whole")
+
+
+def test_handlers_of_signals_are_put_back(tmp_path, run, interrupt):
+    before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
+    interrupt(1, lambda: signal.raise_signal(signal.SIGINT))
+    run(tmp_path / "run")
+    assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+def test_second_signal_has_its_usual_effect(tmp_path, run, interrupt):
+    def twice():
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+
+    interrupt(1, twice)
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path / "run")
+
+
+def test_longer_training_may_be_asked_for(tmp_path, run):
+    run(tmp_path / "run", {"training.learning_rate_schedule": "constant"})
+    longer = {"training.learning_rate_schedule": "constant", "training.steps": 720}
+    run(tmp_path / "longer", longer)
+    outcome = run(tmp_path / "run", longer, resume=True)
+    assert outcome.trainer.env_steps == 720
+    assert_equal_runs(tmp_path / "longer", tmp_path / "run")
+    assert RunFolder(tmp_path / "run").scenario().training.steps == 720
+
+
+def test_finished_run_is_evaluated_again(tmp_path, run):
+    first = run(tmp_path / "run")
+    again = run(tmp_path / "run", resume=True)
+    assert again.finished
+    assert len(lines(tmp_path / "run")) == 7
+    assert (again.evaluation.samples["reward"] == first.evaluation.samples["reward"]).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"reward.kind": "paper"}, "reward.kind"),
+        ({"age.maximum": 14}, "age.maximum"),
+        ({"training.discount": 0.5}, "training.discount"),
+        ({"training.hidden_units": [9]}, "training.hidden_units"),
+        ({"duplex.kind": "tdd"}, "duplex."),
+    ],
+)
+def test_run_of_another_scenario_is_not_resumed(tmp_path, run, changes, key):
+    run(tmp_path / "run")
+    before = (tmp_path / "run" / "checkpoint.pt").read_bytes()
+    with pytest.raises(InputError, match="is a run of another scenario, best/k3-fdd") as raised:
+        run(tmp_path / "run", changes, resume=True)
+    assert f": {key}" in str(raised.value)
+    assert (tmp_path / "run" / "checkpoint.pt").read_bytes() == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "SIGINT"])
+def test_signal_to_the_process_saves_and_leaves_with_status_zero(
+    tmp_path, iout, tiny_settings, number
+):
+    folder = tmp_path / "run"
+    words = ["train", "best/k3-fdd", *tiny_settings]
+    endless = ["--steps", str(10**9), "--out", str(folder)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "iout_marl", *words, *endless],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 60
+    while not (folder / "metrics.jsonl").is_file() or not (folder / "metrics.jsonl").stat().st_size:
+        assert time.monotonic() < deadline
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.05)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert "Traceback" not in err
+    assert "stopped after" in out
+    assert "--resume" in out
+    done = lines(folder)[-1]["env_steps"]
+    status, out, err = iout(*words, "--steps", done + 80, "--resume", folder)
+    assert status == 0, err
+    assert lines(folder)[-1]["env_steps"] == done + 80
+    assert (folder / "result.json").is_file()

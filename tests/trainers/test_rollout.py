@@ -1,0 +1,177 @@
+"""What a rollout stores, against stepping the world again by hand."""
+
+import numpy as np
+import pytest
+import torch
+
+from iout_marl import World
+from iout_marl.world import State, node_codes
+from trainers.ppo import make_network
+from trainers.rollout import Simulation
+
+ENVS = 3
+RANDOM_NODES = {"nodes": {"kind": "random", "count": 2}, "observation.node_positions": True}
+SCENARIOS = {
+    "plain": {},
+    "tdd": {"duplex.kind": "tdd"},
+    "two auvs": {"auvs.start_cells": [[2, 1, 1], [1, 2, 1]]},
+    "random layouts": RANDOM_NODES,
+    "paper's reward": {"reward.kind": "paper"},
+    "running scaler": {"training.observation_scaling": "running"},
+}
+
+
+@pytest.fixture(params=SCENARIOS.values(), ids=list(SCENARIOS))
+def setup(request, tiny):
+    return simulation_of(tiny(request.param))
+
+
+def simulation_of(scenario, seed=4):
+    simulation = Simulation(scenario, ENVS, torch.device("cpu"), seed)
+    torch.manual_seed(0)
+    world = simulation.world
+    network = make_network(world.observer.agent_ranges, world.action_sizes, scenario.training)
+    network.return_mean.fill_(-7.0)
+    network.return_spread.fill_(3.0)
+    return simulation, network
+
+
+def replay(scenario, rollouts, network, seed=4):
+    """The same actions in a world of one's own: (observation, reward, next observation, ended)."""
+    world = World(scenario, ENVS, dtype="float32")
+    rng = np.random.default_rng(seed)
+    fixed = scenario.nodes.kind == "fixed"
+
+    def start():
+        return world.reset(node_codes(scenario, world.grid, [rng] * ENVS))
+
+    state = start()
+    for rollout in rollouts:
+        rows = []
+        for action in rollout.action.numpy():
+            before = torch.from_numpy(world.observe(state))
+            state, events = world.step(state, action)
+            reward = world.reward(state, events)
+            after = torch.from_numpy(world.observe(state))
+            ended = bool(state.slot[0] == world.num_slots)
+            rows.append((before, torch.from_numpy(reward), after, ended))
+            if ended:
+                state = world.reset(state.node_cell) if fixed else start()
+        observation, reward, after, ended = zip(*rows, strict=True)
+        yield rollout, torch.stack(observation), torch.stack(reward), torch.stack(after), ended
+
+
+@pytest.mark.parametrize("slots", [[20, 20], [7, 7, 7, 7], [50], [1] * 25])
+def test_equals_a_replay(setup, slots):
+    simulation, network = setup
+    rollouts = [simulation.collect(network, n, use_mask=False) for n in slots]
+    replayed = replay(simulation.world.scenario, rollouts, network)
+    for rollout, observation, reward, after, ended in replayed:
+        assert torch.equal(rollout.observation, observation)
+        assert torch.equal(rollout.inputs, network.scaler(observation))
+        torch.testing.assert_close(rollout.reward, reward, rtol=1e-6, atol=1e-6)
+        assert rollout.truncated == list(ended)
+        with torch.no_grad():
+            policy = network.log_probabilities(network.scaler(observation))
+            expected = network.log_probability(policy, rollout.action)
+            torch.testing.assert_close(rollout.log_probability, expected)
+            value = network.value(network.scaler(observation))
+            torch.testing.assert_close(rollout.value, value)
+            # Of the state that followed, be it the last of its episode.
+            next_value = network.value(network.scaler(after))
+            torch.testing.assert_close(rollout.next_value, next_value)
+
+
+@pytest.mark.parametrize(
+    ("slots", "ends"),
+    [
+        (20, [[19], [19], [19]]),
+        (7, [[], [], [5], [], [], [4]]),
+        (50, [[19, 39], [9, 29, 49]]),
+        (30, [[19], [9, 29]]),
+    ],
+)
+def test_flags_tell_where_episodes_end_whatever_the_length_of_a_rollout(tiny, slots, ends):
+    simulation, network = simulation_of(tiny())
+    for expected in ends:
+        rollout = simulation.collect(network, slots, use_mask=False)
+        assert [t for t, ended in enumerate(rollout.truncated) if ended] == expected
+        assert len(rollout.episodes) == len(expected)
+
+
+def test_next_value_of_a_last_slot_is_not_that_of_the_next_episode(tiny):
+    simulation, network = simulation_of(tiny())
+    rollout = simulation.collect(network, 40, use_mask=False)
+    assert not torch.allclose(rollout.next_value[19], rollout.value[20])
+    assert torch.equal(rollout.next_value[18], rollout.value[19])
+
+
+def test_layouts_are_drawn_anew_for_every_episode(tiny):
+    simulation, network = simulation_of(tiny(RANDOM_NODES))
+    rollout = simulation.collect(network, 60, use_mask=False)
+    nodes = rollout.observation[..., -6:]
+    assert torch.equal(nodes[0], nodes[19])
+    assert not torch.equal(nodes[19], nodes[20])
+    assert not torch.equal(nodes[0, 0], nodes[0, 1])
+
+
+def test_metrics_are_those_of_whole_episodes(tiny):
+    simulation, network = simulation_of(tiny())
+    first = simulation.collect(network, 13, use_mask=False)
+    second = simulation.collect(network, 7, use_mask=False)
+    assert first.episodes == []
+    ages = torch.cat([first.observation, second.observation])[1:, ..., 3:5].mean((1, 2, 3))
+    (metrics,) = second.episodes
+    last = simulation.world.scenario.num_slots
+    whole = (ages.sum() + metrics["final_aoi"]) / last
+    assert metrics["mean_aoi"] == pytest.approx(whole.item(), rel=1e-5)
+
+
+def test_terms_of_the_reward_add_up(tiny):
+    simulation, network = simulation_of(tiny({"reward.kind": "paper"}))
+    rollout = simulation.collect(network, 33, use_mask=False)
+    assert len(rollout.reward_terms) > 1
+    total = sum(rollout.reward_terms.values())
+    assert total == pytest.approx(rollout.reward.mean().item(), rel=1e-5)
+
+
+@pytest.mark.parametrize("changes", [{}, {"duplex.kind": "tdd"}], ids=["fdd", "tdd"])
+def test_masked_actions_are_never_taken(tiny, changes):
+    simulation, network = simulation_of(tiny(changes))
+    rollout = simulation.collect(network, 60, use_mask=True)
+    masks = rollout.mask.split(simulation.world.action_sizes, dim=-1)
+    assert not masks[0].all(), "the mask forbids nothing"
+    for mask, choice in zip(masks, rollout.action.unbind(-1), strict=True):
+        assert mask.gather(-1, choice[..., None]).all()
+    with torch.no_grad():
+        policy = network.log_probabilities(rollout.inputs, rollout.mask)
+    expected = network.log_probability(policy, rollout.action)
+    torch.testing.assert_close(rollout.log_probability, expected)
+
+
+def test_actions_are_samples_of_the_policy(tiny):
+    simulation, network = simulation_of(tiny())
+    rollout = simulation.collect(network, 400, use_mask=False)
+    direction = np.bincount(rollout.action[..., 0].flatten().numpy(), minlength=6)
+    assert (direction > 0.1 * direction.sum()).all()
+
+
+def test_simulation_goes_on_from_its_state(tiny):
+    whole, network = simulation_of(tiny(RANDOM_NODES))
+    whole.collect(network, 13, use_mask=False)
+    other, _ = simulation_of(tiny(RANDOM_NODES), seed=99)
+    other.load_state_dict(whole.state_dict())
+    for slots in (13, 13):
+        first = whole.collect(network, slots, use_mask=False)
+        second = other.collect(network, slots, use_mask=False)
+        assert torch.equal(first.observation, second.observation)
+        assert torch.equal(first.action, second.action)
+
+
+def test_state_is_a_snapshot(tiny):
+    simulation, network = simulation_of(tiny())
+    saved = simulation.state_dict()
+    before = {k: v.clone() for k, v in saved["state"].items()}
+    simulation.collect(network, 13, use_mask=False)
+    assert all(torch.equal(saved["state"][k], v) for k, v in before.items())
+    assert set(before) == set(State._fields)
