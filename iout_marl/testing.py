@@ -169,14 +169,14 @@ def check_deterministic(make: EnvFactory, seed: int) -> None:
 def check_reset_repeats(make: EnvFactory, seed: int) -> None:
     """A second reset with the same seed repeats the first, in mid-episode too.
 
-    Also after a reset with another seed.
+    Also, one with another seed starts as a new environment does.
     """
     env = make()
     first = play(env, seed)
     assert_equal(first, play(env, seed), "a second reset with the same seed differs")
-    play(env, seed + 1)
-    assert_equal(first, play(env, seed), "a reset with another seed leaves something behind")
-    assert_equal(first, play(make(), seed), "a reset leaves something behind")
+    message = "a reset with another seed leaves something behind"
+    assert_equal(play(make(), seed + 1), play(env, seed + 1), message)
+    assert_equal(first, play(env, seed), message)
     env.reset(seed=seed)
     env.step(sample_actions(env, np.random.default_rng(seed)))
     assert_equal(first, play(env, seed), "a reset in mid-episode leaves something behind")

@@ -325,14 +325,14 @@ class SeedsOnlyOnce(AUVParallelEnv):
         return super().reset(seed, options)
 
 
-class KeepsAnotherSeed(AUVParallelEnv):
-    """The seed of the first reset but one decides, where they differ."""
+class KeepsTheFirstSeed(AUVParallelEnv):
+    """The first seed decides for good."""
 
-    last = None
+    first = None
 
     def reset(self, seed=None, options=None):
         if seed is not None:
-            seed, self.last = seed if self.last is None else self.last, seed
+            seed = self.first = seed if self.first is None else self.first
         return super().reset(seed, options)
 
 
@@ -353,7 +353,7 @@ class KeepsTheLastReward(AUVParallelEnv):
     [
         (CountsEpisodes, "a second reset with the same seed differs"),
         (SeedsOnlyOnce, "a second reset with the same seed differs"),
-        (KeepsAnotherSeed, "a reset with another seed leaves something behind"),
+        (KeepsTheFirstSeed, "a reset with another seed leaves something behind"),
         (KeepsTheLastReward, "a reset in mid-episode leaves something behind"),
     ],
 )

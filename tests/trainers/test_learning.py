@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from iout_marl import evaluate, iout_v0
+from iout_marl import World, evaluate, iout_v0
+from iout_marl.world import node_codes
 from trainers import TrainedPolicy, Trainer
 
 VARIANTS = {
@@ -125,6 +126,27 @@ def test_losses_are_those_of_the_clipped_surrogate(tiny):
     assert found["kl"] == pytest.approx(np.mean([r - 1 - np.log(r) for r in ratio]), abs=1e-5)
     assert found["value_loss"] == pytest.approx(((value - batch["returns"]) ** 2).mean().item())
     assert found["entropy"] == pytest.approx(trainer.network.entropy(policy).mean().item())
+
+
+@pytest.mark.parametrize("kind", ["none", "first_rollout"])
+def test_values_are_learnt_in_units_of_the_reward_scale(tiny, kind):
+    # Without a future, returns are rewards.
+    changes = {"training.discount": 0, "training.reward_scaling": kind}
+    trainer, (log,) = trained(tiny(changes), iterations=1)
+    assert (trainer.reward_scale.divisor != 1) == (kind != "none")
+    expected = log["reward/total"] / trainer.reward_scale.divisor
+    assert trainer.network.return_mean.item() == pytest.approx(expected, rel=1e-4)
+
+
+def test_running_scaler_takes_in_every_rollout(tiny):
+    scenario = tiny({"training.observation_scaling": "running"})
+    trainer, _ = trained(scenario, iterations=1)
+    twin = Trainer(scenario)
+    seen = twin.simulation.collect(twin.network, 20, use_mask=False).observation.flatten(0, 2)
+    scaler = trainer.network.scaler
+    assert scaler.count == 80
+    torch.testing.assert_close(scaler.shift, seen.mean(0))
+    torch.testing.assert_close(scaler.scale, seen.std(0, correction=0).clamp_min(1e-4))
 
 
 def test_every_sample_is_learnt_from_once_an_epoch(tiny):
@@ -249,6 +271,19 @@ def test_trained_policy_plays_as_its_network_does_in_the_environment(tiny, chang
         assert evaluation.samples["reward"][episode] == pytest.approx(total)
         jain = infos["auv_0"]["jain"]
         assert evaluation.samples["jain"][episode] == pytest.approx(jain)
+
+
+def test_policy_trained_with_masks_plays_with_them(tiny):
+    trainer = Trainer(tiny({"training.mask_actions": True}))
+    world = World(trainer.scenario)
+    state = world.reset(node_codes(trainer.scenario, world.grid, [None]))
+    down = 5  # out of the grid of one layer
+    with torch.no_grad():
+        trainer.network.actor[-1].bias[down] = 100
+    for use_mask in (False, True):
+        policy = TrainedPolicy(trainer.network, use_mask=use_mask)
+        direction = policy.act(world, state, np.random.default_rng(0))[0, 0, 0]
+        assert (direction == down) != use_mask
 
 
 def test_stochastic_policy_samples_from_the_stream_of_the_evaluation(tiny):
