@@ -46,8 +46,8 @@ Overrides = Annotated[
     ),
 ]
 
-#: Columns of the table of an evaluation: metric, heading, decimals.
-COLUMNS = (
+#: Rows of the table of an evaluation: metric, heading, decimals.
+ROWS = (
     ("mean_aoi", "mean AoI", 2),
     ("final_aoi", "final AoI", 2),
     ("peak_aoi", "peak AoI", 1),
@@ -104,8 +104,9 @@ def train(
         Path | None, typer.Option(metavar="RUN", help="Folder of the run [runs/SCENARIO-sSEED].")
     ] = None,
     seed: Annotated[
-        int, typer.Option(min=0, max=MAX_SEED, help="Seed of weights, layouts and actions.")
-    ] = 0,
+        int | None,
+        typer.Option(min=0, max=MAX_SEED, help="Seed of weights, layouts and actions [0]."),
+    ] = None,
     steps: Annotated[
         int | None, typer.Option(min=1, help="Environment steps [the scenario's].")
     ] = None,
@@ -125,6 +126,9 @@ def train(
     loaded = load_scenario(scenario, settings)
     if resume is not None and out is not None and out != resume:
         raise InputError("--out and --resume name different folders; --resume goes on in its own")
+    if resume is not None and seed is not None:
+        raise InputError("--seed: a resumed run goes on with its own seed")
+    seed = seed or 0
 
     import torch
 
@@ -189,12 +193,12 @@ def evaluate_command(
     if json_file is not None and str(json_file) == "-":
         typer.echo(text)
         return
+    _print_table(results)
     if json_file is not None:
         try:
             json_file.write_text(text + "\n", encoding="utf-8")
         except OSError as error:
             raise InputError(f"{json_file}: can not be written: {error.strerror}") from None
-    _print_table(results)
 
 
 def _evaluate(
@@ -223,23 +227,23 @@ def _console() -> Console:
 
 def _print_table(results: list[Evaluation]) -> None:
     first = results[0]
-    table = Table(
-        title=f"{first.scenario}: {first.episodes} episodes, seed {first.seed}, "
-        "mean ± half of the 95 % confidence interval",
-        title_justify="left",
-        title_style="",
+    typer.echo(
+        f"{first.scenario} ({first.scenario_hash}): {first.episodes} episodes, seed {first.seed}\n"
+        "mean ± half of the 95 % confidence interval"
     )
-    table.add_column("policy")
-    for _, heading, _ in COLUMNS:
-        table.add_column(heading, justify="right")
+    table = Table()
+    # A column for each policy: four of them fit into a terminal of 80 columns.
+    table.add_column("")
     for result in results:
-        metrics = result.metrics
+        table.add_column(result.policy, justify="right", overflow="fold")
+    for name, heading, digits in ROWS:
         cells = []
-        for name, _, digits in COLUMNS:
-            cells.append(f"{metrics[name].mean:.{digits}f}")
+        for result in results:
+            estimate = result.metrics[name]
+            cells.append(f"{estimate.mean:.{digits}f}")
             if result.episodes > 1:
-                cells[-1] += f" ± {metrics[name].margin:.{digits}f}"
-        table.add_row(result.policy, *cells)
+                cells[-1] += f" ± {estimate.margin:.{digits}f}"
+        table.add_row(heading, *cells)
     _console().print(table)
 
 
@@ -256,7 +260,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         _fail(f"{error.filename or 'input or output'}: {error.strerror}")
     except MemoryError:
         _fail("not enough memory")
-    except typer.Abort:
+    except (KeyboardInterrupt, typer.Abort):
+        print("iout: interrupted", file=sys.stderr)  # noqa: T201
         status = 130
     sys.exit(status)
 

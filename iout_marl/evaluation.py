@@ -15,6 +15,7 @@ from iout_marl.errors import InputError
 from iout_marl.policies import ObservationPolicy, Policy, make_baseline
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import World, node_codes, pin_layout
+from iout_marl.world.actions import checked_actions
 
 #: Metrics in the order of reports. `reward` is the undiscounted return of an AUV,
 #: averaged over AUVs; the others are those of `World.metrics`.
@@ -116,6 +117,8 @@ def evaluate(
 
     Raises:
         InputError: no such scenario or baseline, or fewer than one episode.
+        ValueError: the policy's actions are not integers, of another shape, or outside
+            their space.
     """
     if episodes < 1:
         raise InputError(f"episodes must be at least 1, not {episodes}")
@@ -129,7 +132,10 @@ def evaluate(
     rng = np.random.default_rng(seed)
     total_reward = np.zeros((episodes, world.num_auvs))
     for _ in range(world.num_slots):
-        state, events = world.step(state, player.act(world, state, rng))
+        actions = checked_actions(
+            player.act(world, state, rng), episodes, world.num_auvs, world.action_sizes
+        )
+        state, events = world.step(state, actions)
         total_reward += world.reward(state, events)
     samples = {**world.metrics(state), "reward": total_reward.mean(axis=1)}
     return Evaluation(

@@ -36,7 +36,8 @@ last slot truncates, it does not terminate.
 
 **Arguments**: `scenario`, a bundled name (`paper/k10-fdd`), a path to a YAML file or a
 `Scenario`; `render_mode`: `human` prints every slot, `render` returns text with `ansi`
-and pixels with `rgb_array`; None draws nothing.
+and pixels with `rgb_array`; None draws nothing; `max_cycles`, the slots of an episode
+where it is to have another number than the scenario says.
 
 **Version history**: v0, initial release.
 """
@@ -51,25 +52,36 @@ from pettingzoo.utils import parallel_to_aec
 from pettingzoo.utils.wrappers import AssertOutOfBoundsWrapper, OrderEnforcingWrapper
 
 from iout_marl.envs.parallel import AUVParallelEnv
-from iout_marl.scenario import Scenario
+from iout_marl.scenario import Scenario, load_scenario
 
 
 def parallel_env(
-    scenario: str | Path | Scenario = "paper/k10-fdd", render_mode: str | None = None
+    scenario: str | Path | Scenario = "paper/k10-fdd",
+    render_mode: str | None = None,
+    max_cycles: int | None = None,
 ) -> AUVParallelEnv:
     """The environment in PettingZoo's parallel form, its native one."""
+    if max_cycles is not None:
+        slot_s = load_scenario(scenario).slot_s
+        scenario = load_scenario(scenario, {"episode.duration_s": max_cycles * slot_s})
     return AUVParallelEnv(scenario, render_mode)
 
 
 def raw_env(
-    scenario: str | Path | Scenario = "paper/k10-fdd", render_mode: str | None = None
+    scenario: str | Path | Scenario = "paper/k10-fdd",
+    render_mode: str | None = None,
+    max_cycles: int | None = None,
 ) -> AECEnv[str, Any, Any]:
     """The environment in PettingZoo's AEC form, without checks of how it is used."""
-    return parallel_to_aec(AUVParallelEnv(scenario, render_mode))
+    return parallel_to_aec(parallel_env(scenario, render_mode, max_cycles))
 
 
 def env(
-    scenario: str | Path | Scenario = "paper/k10-fdd", render_mode: str | None = None
+    scenario: str | Path | Scenario = "paper/k10-fdd",
+    render_mode: str | None = None,
+    max_cycles: int | None = None,
 ) -> AECEnv[str, Any, Any]:
     """The environment in PettingZoo's AEC form."""
-    return OrderEnforcingWrapper(AssertOutOfBoundsWrapper(raw_env(scenario, render_mode)))
+    return OrderEnforcingWrapper(
+        AssertOutOfBoundsWrapper(raw_env(scenario, render_mode, max_cycles))
+    )

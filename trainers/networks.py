@@ -169,7 +169,7 @@ class ActorCritic(nn.Module):
         """Move the critic's normalisation towards the mean and spread of these returns.
 
         The last layer is changed so that every value stays what it was (PopArt: van
-        Hasselt et al., 2016).
+        Hasselt et al., 2016); only the first call, before anything is learnt, moves them.
         """
         decay = decay if self.return_count > 0 else 0.0
         mean = decay * self.return_mean + (1 - decay) * returns.mean()

@@ -137,7 +137,7 @@ class Trainer:
         self.simulation = Simulation(self.scenario, self.settings.environments, self.device, seed)
         # Weights come from torch's global generator, which is put back as it was.
         with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed)
+            torch.default_generator.manual_seed(seed)
             self.network = self._make_network().to(self.device)
         self.optimizer = torch.optim.Adam(
             self.network.parameters(),
@@ -253,7 +253,7 @@ class Trainer:
         yield from order.tensor_split(self.settings.minibatches)
 
     def _step(self, batch: dict[str, Tensor]) -> dict[str, Tensor]:
-        """One step of the optimiser on a minibatch (eqs. `loss function clipped`, `total …`)."""
+        """One step of the optimiser on a minibatch (eq. `total loss function`)."""
         settings, network = self.settings, self.network
         policy = network.log_probabilities(batch["inputs"], batch.get("mask"))
         log_ratio = network.log_probability(policy, batch["action"]) - batch["log_probability"]

@@ -35,6 +35,8 @@ from trainers.trained import TrainedPolicy
 
 #: Changes whenever older files can no longer be read.
 FORMAT = 1
+#: Files that a new run must not replace; logs without them are of a run that never saved.
+RESULTS = ("checkpoint.pt", "policy.safetensors", "policy.json", "result.json")
 
 
 def write_atomically(path: Path, data: bytes) -> None:
@@ -80,7 +82,7 @@ class RunFolder:
             InputError: it holds a run already, or can not be made.
         """
         try:
-            if self.checkpoint_path.exists():
+            if any((self.path / name).exists() for name in RESULTS):
                 raise InputError(
                     f"{self.path}: holds a run already; go on with it by --resume {self.path}, "
                     "or name another folder by --out"
@@ -124,7 +126,7 @@ class RunFolder:
         checkpoint = {
             "format": FORMAT,
             "world_version": WORLD_VERSION,
-            "scenario_hash": trainer.scenario.hash,
+            "world_hash": trainer.scenario.world_hash,
             "trainer": trainer.state_dict(),
         }
         buffer = io.BytesIO()
@@ -163,6 +165,8 @@ class RunFolder:
         with readable(path):
             saved = torch.load(path, map_location=device, weights_only=True)
         _check_version(path, saved)
+        if saved.get("world_hash") != self.scenario().world_hash:
+            raise InputError(f"{path}: is of another scenario than scenario.yaml beside it")
         with readable(path):
             trainer: dict[str, Any] = saved["trainer"]
             # Streams live on the CPU whatever device they are for.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 import time
 from collections.abc import Iterator
@@ -18,7 +19,7 @@ from rich.console import Console
 import iout_marl
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
-from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario import Scenario
 from trainers.logs import TrainingLog
 from trainers.ppo import Trainer
 from trainers.run_folder import RunFolder, readable
@@ -105,6 +106,11 @@ def train(
         while not trainer.finished and not stop:
             figures = trainer.iterate()
             log.write(trainer.env_steps, figures)
+            if not math.isfinite(figures["ppo/loss"] + figures["ppo/gradient_norm"]):
+                raise InputError(
+                    f"{run.path}: training diverged after {trainer.env_steps:,} environment "
+                    f"steps; the checkpoint of {saved_at:,} steps stands"
+                )
             if trainer.env_steps - saved_at >= trainer.settings.checkpoint_steps:
                 run.save(trainer, source)
                 saved_at = trainer.env_steps
@@ -130,7 +136,14 @@ def _resumed(run: RunFolder, scenario: Scenario, device: torch.device) -> tuple[
         )
     with readable(run.checkpoint_path):
         wanted.load_state_dict(saved)
+    if wanted.settings.steps < wanted.env_steps:
+        raise InputError(
+            f"{run.path}: has taken {wanted.env_steps:,} steps already, more than the "
+            f"{wanted.settings.steps:,} of training.steps"
+        )
     run.write_scenario(wanted.scenario)
+    if not wanted.finished:
+        (run.path / "result.json").unlink(missing_ok=True)  # of a shorter training
     return wanted, scenario
 
 
@@ -206,9 +219,10 @@ def load_run(run: Path, scenario: Scenario, *, transfer: bool) -> tuple[RunFolde
     folder = RunFolder(run)
     shape = folder.policy_shape()
     own = folder.scenario()
+    if own.world_hash != shape["world_hash"]:
+        raise InputError(f"{run}: its policy is of another scenario than scenario.yaml beside it")
     if scenario.world_hash in (shape["world_hash"], shape["source_world_hash"]):
-        pinned = load_scenario(scenario).model_copy(update={"nodes": own.nodes})
-        return folder, pinned
+        return folder, scenario.model_copy(update={"nodes": own.nodes})
     different = differences(own, scenario)
     where = next(k for k in different if not k.startswith(("reward.", "training.")))
     fits = (

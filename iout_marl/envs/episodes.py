@@ -19,6 +19,7 @@ from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import Events, State, World, node_codes, redraws_every_episode
+from iout_marl.world.actions import checked_actions
 from iout_marl.world.observation import Ranges
 
 #: Of a slot and an environment, by name: see `Episodes.info`.
@@ -152,27 +153,12 @@ class Episodes:
         state = self.current
         if self.is_over:
             raise RuntimeError("the episode is over: call reset() first")
-        self.state, self.events = self.world.step(state, self._checked(action))
+        world = self.world
+        actions = checked_actions(action, world.num_envs, world.num_auvs, world.action_sizes)
+        self.state, self.events = world.step(state, actions)
         self._show()
         reward: npt.NDArray[np.float64] = self.world.reward(self.state, self.events)
         return reward
-
-    def _checked(self, action: npt.ArrayLike) -> npt.NDArray[np.int64]:
-        values = integers(action)
-        shape = (self.world.num_envs, self.world.num_auvs, len(self._sizes))
-        if values.shape != shape:
-            raise ValueError(
-                f"an action must have {len(self._sizes)} entries, below {tuple(self._sizes)}: "
-                f"expected an array of shape {shape}, not {values.shape}"
-            )
-        outside = (values < 0) | (values >= self._sizes)
-        if outside.any():
-            worst = values[outside.any(-1)][0]
-            raise ValueError(
-                f"action {worst.tolist()} lies outside MultiDiscrete({self._sizes.tolist()}): "
-                "each entry counts from 0 and stays below its size"
-            )
-        return values.astype(np.int64, copy=False)
 
     @property
     def is_over(self) -> bool:
@@ -230,21 +216,6 @@ class Episodes:
             for env in range(self.world.num_envs):
                 text = as_text(Snapshot.of(self.world, self.current, self.events, env))
                 sys.stdout.write(f"{text}\n")
-
-
-def integers(action: Any, what: str = "an action") -> npt.NDArray[Any]:
-    """An action as an array of integers.
-
-    Raises:
-        ValueError: it is of something else, or ragged.
-    """
-    try:
-        values = np.asarray(action)
-    except ValueError:
-        values = np.asarray(action, dtype=object)
-    if values.dtype.kind not in "iu":
-        raise ValueError(f"{what} must be integers, as many for every AUV, not {action!r}")
-    return values
 
 
 def box(ranges: Ranges) -> spaces.Box:

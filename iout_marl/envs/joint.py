@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from iout_marl.envs.episodes import RENDER_MODES, Episodes, FloatArray, integers
+from iout_marl.envs.episodes import RENDER_MODES, Episodes, FloatArray
 from iout_marl.scenario import Scenario
+from iout_marl.world.actions import integers
 
 
 class AUVEnv(gymnasium.Env[Any, Any]):

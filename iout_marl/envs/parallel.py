@@ -11,8 +11,9 @@ import numpy.typing as npt
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
-from iout_marl.envs.episodes import RENDER_MODES, Episodes, integers
+from iout_marl.envs.episodes import RENDER_MODES, Episodes
 from iout_marl.scenario import Scenario
+from iout_marl.world.actions import integers
 
 Observation = Any
 Info = dict[str, Any]

@@ -11,9 +11,10 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from iout_marl.envs.episodes import RENDER_MODES, Episodes, integers
+from iout_marl.envs.episodes import RENDER_MODES, Episodes
 from iout_marl.envs.joint import joint_info, joint_observations, joint_spaces, split_actions
 from iout_marl.scenario import Scenario
+from iout_marl.world.actions import integers
 
 
 class AUVVectorEnv(VectorEnv[Any, Any, Any]):

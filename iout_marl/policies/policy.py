@@ -50,4 +50,4 @@ class ObservationPolicy:
 
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:  # noqa: ARG002
         observation = np.asarray(world.observe(state), dtype=np.float32)
-        return np.asarray(self._function(observation), dtype=np.int64)
+        return np.asarray(self._function(observation))

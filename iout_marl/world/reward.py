@@ -14,13 +14,7 @@ from iout_marl.world.state import Events, State
 
 
 class Reward(Protocol):
-    """A reward part.
-
-    Attributes:
-        terms: names of its terms, in order.
-    """
-
-    terms: tuple[str, ...]
+    """A reward part."""
 
     def __call__(self, state: State, events: Events) -> Mapping[str, Array]:
         """The terms of a slot's reward, (envs, auvs) each.
@@ -34,8 +28,6 @@ class Reward(Protocol):
 
 class MeanAge:
     """r = −(1/K) Σ δ_k A_k, alike for every AUV."""
-
-    terms: tuple[str, ...] = ("age",)
 
     def __init__(self, scenario: Scenario, nodes: NodeAxis, backend: Backend) -> None:
         self._weights = backend.floats([w / scenario.num_nodes for w in scenario.node_weights])
@@ -80,9 +72,6 @@ class Paper:
         self._only_transmitting = backend.floats(-settings.only_transmitting_penalty)
         self._occurrence = backend.floats(-settings.occurrence_penalty)
         self._ideal_deliveries = scenario.num_slots / scenario.num_nodes
-        self.terms: tuple[str, ...] = ("age", "location", "information", "occurrence")
-        if settings.unserved_penalty:
-            self.terms += ("unserved",)
 
     def __call__(self, state: State, events: Events) -> Mapping[str, Array]:
         settings, xp, nodes = self._settings, self._xp, self._nodes

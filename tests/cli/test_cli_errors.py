@@ -118,10 +118,14 @@ def test_one_bad_policy_among_good_ones(refused):
 
 
 @pytest.mark.parametrize("path", ["missing/x.json", "file/x.json", ".", "", "x" * 300])
-def test_json_that_can_not_be_written(refused, tmp_path, path):
+def test_json_that_can_not_be_written_leaves_the_table(iout, tmp_path, path):
     (tmp_path / "file").touch()
     words = ["--policy", "greedy", "--episodes", 1, "--json", path]
-    assert "can not be written: " in refused("evaluate", "paper/k3-fdd", *words)
+    status, out, err = iout("evaluate", "paper/k3-fdd", *words)
+    assert status == 2
+    assert "mean AoI" in out
+    assert "can not be written: " in err
+    assert err.count("\n") == 1
 
 
 class TestRuns:

@@ -1,10 +1,9 @@
 """PettingZoo's own suites, unmodified, on the parallel form and on the AEC form."""
 
 from functools import partial
-from types import SimpleNamespace
 
 import pytest
-from env_cases import CASES, SLOTS, case_scenario, scenario
+from env_cases import CASES, SLOTS, case_scenario
 from pettingzoo.test import (
     api_test,
     max_cycles_test,
@@ -55,18 +54,8 @@ def test_state(world):
     state_test(iout_v0.env(world), iout_v0.parallel_env(world), CYCLES)
 
 
-@pytest.mark.parametrize("auvs", [1, 3])
-@pytest.mark.parametrize("duplex", ["fdd", "tdd"])
-def test_max_cycles_are_slots_of_the_scenario(duplex, auvs):
-    # The suite makes its environments with `max_cycles`, which here is the scenario's.
-    def make(form, max_cycles):
-        return form(scenario(duplex, auvs, slots=max_cycles))
-
-    max_cycles_test(
-        SimpleNamespace(
-            parallel_env=partial(make, iout_v0.parallel_env), env=partial(make, iout_v0.env)
-        )
-    )
+def test_max_cycles():
+    max_cycles_test(iout_v0)
 
 
 @pytest.mark.parametrize(

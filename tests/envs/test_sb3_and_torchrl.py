@@ -89,6 +89,7 @@ def test_reset_by_a_seed_repeats_and_without_one_goes_on(make_vec_env, processes
         np.testing.assert_equal(a, b)
     assert vec_env.seed(3) == [3, 4, 5]
     np.testing.assert_array_equal(vec_env.reset(), first)
+    assert not np.array_equal(vec_env.reset(), first)
 
 
 def test_number_of_processes_changes_nothing(make_vec_env):

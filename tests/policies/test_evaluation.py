@@ -205,3 +205,13 @@ def test_evaluation_keeps_every_sample():
     for name, estimate in evaluation.metrics.items():
         assert evaluation.samples[name].shape == (6,)
         assert estimate.mean == pytest.approx(evaluation.samples[name].mean())
+
+
+@pytest.mark.parametrize(
+    "action",
+    [[7, 0, 0], [-1, 0, 0], [0, 12, 0], [0.9, 0, 0], [0, 0]],
+    ids=["direction", "negative", "node", "float", "short"],
+)
+def test_actions_outside_their_space_are_refused(action):
+    with pytest.raises(ValueError, match="action"):
+        evaluate("paper/k10-fdd", lambda seen: np.tile(action, (*seen.shape[:2], 1)), 2)

@@ -258,3 +258,30 @@ def test_signal_to_the_process_saves_and_leaves_with_status_zero(
     assert status == 0, err
     assert lines(folder)[-1]["env_steps"] == done + 80
     assert (folder / "result.json").is_file()
+
+
+def test_fewer_steps_than_were_taken_are_refused(tmp_path, run):
+    run(tmp_path / "run")
+    before = (tmp_path / "run" / "scenario.yaml").read_bytes()
+    with pytest.raises(InputError, match="has taken 560 steps already"):
+        run(tmp_path / "run", {"training.steps": 80}, resume=True)
+    assert (tmp_path / "run" / "scenario.yaml").read_bytes() == before
+
+
+def test_result_of_a_shorter_training_does_not_outlive_it(tmp_path, run, interrupt):
+    run(tmp_path / "run")
+    interrupt(1, lambda: signal.raise_signal(signal.SIGINT))
+    run(tmp_path / "run", {"training.steps": 800}, resume=True)
+    assert not (tmp_path / "run" / "result.json").exists()
+
+
+def test_divergence_ends_the_training_and_keeps_the_checkpoint(tmp_path, run):
+    with pytest.raises(InputError, match="training diverged after"):
+        run(tmp_path / "run", {"training.learning_rate": 1e30})
+    assert not (tmp_path / "run" / "result.json").exists()
+
+
+def test_resumed_run_takes_no_other_seed(iout, tmp_path):
+    status, _, err = iout("train", "best/k3-fdd", "--resume", tmp_path, "--seed", 3)
+    assert status == 2
+    assert "--seed: a resumed run goes on with its own seed" in err

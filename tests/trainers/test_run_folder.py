@@ -15,6 +15,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from iout_marl import InputError, evaluate, load_scenario
 from trainers import RunFolder, Trainer, find_device, train
+from trainers.run_folder import RESULTS
 from trainers.train import load_run
 
 #: Of design.md; `reward/…` are the terms of the scenario's reward.
@@ -84,7 +85,7 @@ class TestContents:
 
     def test_checkpoint_holds_plain_data_alone(self, finished):
         saved = torch.load(finished.run.checkpoint_path, weights_only=True)
-        assert saved["scenario_hash"] == finished.trainer.scenario.hash
+        assert saved["world_hash"] == finished.trainer.scenario.world_hash
         assert saved["trainer"]["env_steps"] == 560
 
     def test_metrics_have_a_line_for_every_iteration(self, finished):
@@ -136,8 +137,15 @@ class TestCreating:
         assert "holds a run already; go on with it by --resume" in message
         assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
 
+    @pytest.mark.parametrize("kept", RESULTS)
+    def test_nothing_that_was_learnt_is_replaced(self, folder, tiny, finished, kept):
+        for name in set(RESULTS) - {kept}:
+            (folder / name).unlink()
+        assert "holds a run already" in refusal(lambda: quietly(tiny(), folder, seed=7))
+
     def test_run_that_never_saved_may_start_again(self, folder, tiny, finished):
-        (folder / "checkpoint.pt").unlink()
+        for name in RESULTS:
+            (folder / name).unlink()
         quietly(tiny(), folder, seed=7)
         assert len(RunFolder(folder).metrics_path.read_text().splitlines()) == 7
         assert len(list(folder.glob("events.*"))) == 1
