@@ -22,7 +22,7 @@ from iout_marl.scenario import Scenario, bundled_names, load_scenario, to_yaml
 from iout_marl.world import pin_layout
 
 if TYPE_CHECKING:
-    from trainers import TrainingOutcome
+    from trainers import RunFolder, TrainingOutcome
 
 #: What Typer raises for a command line that it can not read.
 UsageError = cast("type[Exception]", typer.BadParameter.__base__)
@@ -187,6 +187,11 @@ def evaluate_command(
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
     loaded = load_scenario(scenario, overrides or [])
     names = policy or list(BASELINES)
+    for name in names:
+        if name not in BASELINES and _is_folder(name):
+            # Where a layout is drawn once for a run, every row plays on the run's.
+            loaded = _load_run(loaded, name, transfer=transfer)[1]
+            break
     results = [_evaluate(loaded, name, episodes, seed, transfer=transfer) for name in names]
     records = [r.to_json() for r in results]
     text = json.dumps(records[0] if len(records) == 1 else records, indent=2)
@@ -206,18 +211,26 @@ def _evaluate(
 ) -> Evaluation:
     if policy in BASELINES:
         return evaluate(pin_layout(scenario, seed), make_baseline(policy), episodes, seed)
-    if not os.path.isdir(policy):  # noqa: PTH112 (Path raises where a name is too long)
+    if not _is_folder(policy):
         raise InputError(
             f"--policy {policy}: neither a baseline nor the folder of a run"
             + did_you_mean(policy, BASELINES)
         )
+    run, own = _load_run(scenario, policy, transfer=transfer)
+    return evaluate(own, run.load_policy(), episodes, seed)
+
+
+def _is_folder(name: str) -> bool:
+    return os.path.isdir(name)  # noqa: PTH112 (Path raises where a name is too long)
+
+
+def _load_run(scenario: Scenario, name: str, *, transfer: bool) -> tuple[RunFolder, Scenario]:
     import torch
 
     from trainers.train import load_run
 
     torch.set_num_threads(1)
-    run, own = load_run(Path(policy), scenario, transfer=transfer)
-    return evaluate(own, run.load_policy(), episodes, seed)
+    return load_run(Path(name), scenario, transfer=transfer)
 
 
 def _console() -> Console:

@@ -218,3 +218,14 @@ def test_baselines_need_no_torch():
     command = [sys.executable, "-c", program, *words]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.endswith("\n[]\n")
+
+
+def test_baselines_beside_a_run_play_on_its_layout(iout, tmp_path, tiny_settings):
+    settings = [s for s in tiny_settings[1::2] if not s.startswith("nodes.")]
+    settings.append("nodes={kind: random, count: 2, redraw: run}")
+    words = ["best/k3-fdd", *(word for s in settings for word in ("--set", s))]
+    assert iout("train", *words, "--out", tmp_path / "run", "--seed", 1)[0] == 0
+    rows = ["--policy", "greedy", "--policy", tmp_path / "run", "--episodes", 2, "--json", "-"]
+    status, out, err = iout("evaluate", *words, *rows)
+    assert (status, err) == (0, "")
+    assert len({record["scenario_hash"] for record in json.loads(out)}) == 1
