@@ -49,7 +49,7 @@ format: $(TEST)
 
 bench: $(TEST)
 	$(BIN)/python benchmarks/environment.py
-	$(BIN)/python benchmarks/training.py
+	$(BIN)/python benchmarks/training.py --threads 2
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis
