@@ -51,18 +51,16 @@ class Motion:
 
     def stays_inside(self, cell: Array) -> Array:
         """Which directions keep an AUV in the grid: (envs, auvs, directions) bool."""
-        directions = self._xp.arange(self.num_directions, device=_device_of(cell))
-        index = cell[..., None] * self.num_directions + directions
-        return lookup(self._xp, self._leads_inside, index)
+        return lookup(self._xp, self._leads_inside, self._every_direction(cell))
 
     def neighbours(self, cell: Array) -> Array:
         """The cell that each direction leads to: (envs, auvs, directions) codes."""
-        directions = self._xp.arange(self.num_directions, device=_device_of(cell))
-        return lookup(self._xp, self.neighbour, cell[..., None] * self.num_directions + directions)
+        return lookup(self._xp, self.neighbour, self._every_direction(cell))
 
-
-def _device_of(array: Array) -> object:
-    return array.device
+    def _every_direction(self, cell: Array) -> Array:
+        """Index into the tables of each direction from each cell."""
+        directions = self._xp.arange(self.num_directions, device=cell.device)
+        return cell[..., None] * self.num_directions + directions
 
 
 def _neighbour_table(grid: Grid, steps: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
