@@ -149,7 +149,15 @@ class ActorCritic(nn.Module):
 
     def log_probabilities(self, inputs: Tensor, mask: Tensor | None = None) -> Tensor:
         """`scores`, normalised over the choices of each entry."""
-        return self.scores(inputs, mask).log_softmax(-1)
+        return self.normalised(self.scores(inputs, mask))
+
+    @staticmethod
+    def normalised(scores: Tensor) -> Tensor:
+        """The log-probabilities that (…, action entries, width) scores stand for."""
+        # Over a short last axis log_softmax takes one number at a time; with the samples
+        # last it takes many at once, in a fraction of the time.
+        samples_last = scores.movedim((-2, -1), (0, 1)).contiguous()
+        return samples_last.log_softmax(1).movedim((0, 1), (-2, -1))
 
     def normalised_value(self, inputs: Tensor) -> Tensor:
         """Values, (…), of (…, entries) scaled observations, in spreads from the mean return."""

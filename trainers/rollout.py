@@ -131,7 +131,9 @@ class Simulation:
                 metrics = world.metrics(self.state)
                 rollout.episodes.append({k: float(v.mean()) for k, v in metrics.items()})
                 self.state = self._first_state(self.state)
-        rollout.log_probability = network.log_probability(scores.log_softmax(-1), rollout.action)
+        rollout.log_probability = network.log_probability(
+            network.normalised(scores), rollout.action
+        )
         rollout.value = network.value(rollout.inputs)
         for t, ended in enumerate(rollout.truncated[:-1]):
             if not ended:
