@@ -1,36 +1,15 @@
-"""What a figure was measured on and with."""
+"""What a benchmark was measured on and with, in two lines."""
 
 from __future__ import annotations
 
-import os
-import platform
-from importlib.metadata import version
-from pathlib import Path
+from iout_marl.machine import PACKAGES, num_cores, processor, versions
 
-PACKAGES = (
-    "iout-marl",
-    "numpy",
-    "torch",
-    "gymnasium",
-    "pettingzoo",
-    "supersuit",
-    "stable-baselines3",
-)
+COMPARED_WITH = ("gymnasium", "pettingzoo", "supersuit", "stable-baselines3")
 
 
 def describe() -> str:
-    """Processor, cores, Python and package versions, in two lines."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
-    return f"{_processor()}, {cores} cores, Python {platform.python_version()}\n{versions}"
-
-
-def _processor() -> str:
-    try:
-        with Path("/proc/cpuinfo").open(encoding="ascii") as file:
-            for line in file:
-                if line.startswith("model name"):
-                    return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
+    """Processor, cores, Python and package versions."""
+    found = versions((*PACKAGES, *COMPARED_WITH))
+    python = found.pop("Python")
+    packages = ", ".join(f"{name} {number}" for name, number in found.items())
+    return f"{processor()}, {num_cores()} cores, Python {python}\n{packages}"

@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from iout_marl import __version__
+from iout_marl.cli_studies import Overrides, report, reproduce
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.policies import BASELINES, make_baseline
@@ -39,13 +40,6 @@ app = typer.Typer(
 ScenarioArgument = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="A bundled name, or a path to a YAML file.")
 ]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="KEY=VALUE", help="Change a key of the scenario; may be repeated."
-    ),
-]
-
 #: Rows of the table of an evaluation: metric, heading, decimals.
 ROWS = (
     ("mean_aoi", "mean AoI", 2),
@@ -218,6 +212,10 @@ def _evaluate(
         )
     run, own = _load_run(scenario, policy, transfer=transfer)
     return evaluate(own, run.load_policy(), episodes, seed)
+
+
+app.command()(reproduce)
+app.command()(report)
 
 
 def _is_folder(name: str) -> bool:

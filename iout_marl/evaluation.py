@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,7 +14,7 @@ from scipy.special import stdtrit
 from iout_marl.errors import InputError
 from iout_marl.policies import ObservationPolicy, Policy, make_baseline
 from iout_marl.scenario import Scenario, load_scenario
-from iout_marl.world import World, node_codes, pin_layout
+from iout_marl.world import Events, State, World, node_codes, pin_layout
 from iout_marl.world.actions import checked_actions
 
 #: Metrics in the order of reports. `reward` is the undiscounted return of an AUV,
@@ -127,16 +127,10 @@ def evaluate(
     scenario = pin_layout(load_scenario(scenario), seed)
     player = _as_policy(policy)
     world = World(scenario, episodes)
-    streams = [np.random.default_rng(seed + i) for i in range(episodes)]
-    state = world.reset(node_codes(scenario, world.grid, streams))
-    rng = np.random.default_rng(seed)
     total_reward = np.zeros((episodes, world.num_auvs))
-    for _ in range(world.num_slots):
-        actions = checked_actions(
-            player.act(world, state, rng), episodes, world.num_auvs, world.action_sizes
-        )
-        state, events = world.step(state, actions)
-        total_reward += world.reward(state, events)
+    for state, events in play(world, player, seed):
+        if events is not None:
+            total_reward += world.reward(state, events)
     samples = {**world.metrics(state), "reward": total_reward.mean(axis=1)}
     return Evaluation(
         scenario=scenario.name,
@@ -146,6 +140,32 @@ def evaluate(
         seed=seed,
         samples={name: np.asarray(samples[name], dtype=np.float64) for name in METRICS},
     )
+
+
+def play(world: World, policy: Policy, seed: int = 0) -> Iterator[tuple[State, Events | None]]:
+    """Whole episodes of a batch, slot by slot.
+
+    Args:
+        world: the world, on NumPy.
+        policy: who chooses.
+        seed: as for `evaluate`.
+
+    Yields:
+        the state, and what happened in the slot before it: None for the first state.
+
+    Raises:
+        ValueError: the policy's actions do not fit their space.
+    """
+    streams = [np.random.default_rng(seed + i) for i in range(world.num_envs)]
+    state = world.reset(node_codes(world.scenario, world.grid, streams))
+    rng = np.random.default_rng(seed)
+    yield state, None
+    for _ in range(world.num_slots):
+        actions = checked_actions(
+            policy.act(world, state, rng), world.num_envs, world.num_auvs, world.action_sizes
+        )
+        state, events = world.step(state, actions)
+        yield state, events
 
 
 def _as_policy(policy: str | Policy | Callable[[Any], Any]) -> Policy:

@@ -14,10 +14,9 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import pickle
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ import safetensors.torch
 import torch
 
 from iout_marl.errors import InputError
+from iout_marl.files import write_atomically
 from iout_marl.scenario import Scenario, load_scenario, to_yaml
 from iout_marl.world import WORLD_VERSION, World
 from trainers.networks import ActorCritic
@@ -37,26 +37,6 @@ from trainers.trained import TrainedPolicy
 FORMAT = 1
 #: Files that a new run must not replace; logs without them are of a run that never saved.
 RESULTS = ("checkpoint.pt", "policy.safetensors", "policy.json", "result.json")
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file so that at every moment either the old or the new one is there, whole.
-
-    Raises:
-        InputError: it can not be written (a full disk, say); what was there stands.
-    """
-    part = path.with_name(path.name + ".part")
-    try:
-        with part.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
-        kept = "; the one before stands" if path.exists() else ""
-        raise InputError(f"{path}: can not be written: {error.strerror}{kept}") from None
 
 
 @dataclass(frozen=True)

@@ -114,7 +114,7 @@ def read_file(path: Path) -> Layer:
     if data is None:
         return Layer({}, origins)
     if not isinstance(data, dict):
-        raise InputError(f"{name}:1: a scenario must be a mapping of keys to values")
+        raise InputError(f"{name}:1: must be a mapping of keys to values")
     return Layer(data, origins)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
@@ -28,6 +28,8 @@ from iout_marl.scenario.sources import bundled_root, find_preset, find_scenario
 
 #: The training preset of a scenario that names none.
 DEFAULT_PRESET = "fast"
+
+Model = TypeVar("Model", bound=BaseModel)
 
 
 def load_scenario(
@@ -57,7 +59,7 @@ def load_scenario(
         layer = read_with_bases(path)
         layer.data.setdefault("name", _name_of(path))
     layer = overrides_layer(overrides).over(layer)
-    return _validate(_with_preset(layer, path))
+    return validate(Scenario, _with_preset(layer, path))
 
 
 def _mapping_layer(source: Mapping[str, Any]) -> Layer:
@@ -127,9 +129,14 @@ def _value_at(data: Any, dotted: str) -> Any:
     return data
 
 
-def _validate(layer: Layer) -> Scenario:
+def validate(model: type[Model], layer: Layer) -> Model:
+    """A layer's settings as a checked model.
+
+    Raises:
+        InputError: one line with file, line, key and what was meant.
+    """
     try:
-        return Scenario.model_validate(layer.data)
+        return model.model_validate(layer.data)
     except ValidationError as error:
         problems = error.errors(include_url=False)
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""

@@ -9,6 +9,8 @@ from iout_marl.errors import InputError, did_you_mean
 _PACKAGE = Path(__file__).resolve().parent.parent
 #: Folder of the training presets, below the bundled scenarios.
 PRESETS = "training"
+#: Folder of the bundled studies, below the bundled scenarios.
+STUDIES = "studies"
 
 
 def bundled_root() -> Path:
@@ -25,7 +27,8 @@ def bundled_names() -> list[str]:
         (
             n.as_posix()
             for n in names
-            if n.parts[0] != PRESETS and not any(part.startswith("_") for part in n.parts)
+            if n.parts[0] not in (PRESETS, STUDIES)
+            and not any(part.startswith("_") for part in n.parts)
         ),
         key=_natural,
     )
@@ -87,3 +90,17 @@ def find_preset(name: str, beside: Path | None = None) -> Path:
             return candidate
     known = [p.stem for p in folder.glob("*.yaml")]
     raise InputError(f"no training preset {name!r}" + did_you_mean(name, known))
+
+
+def find_study(source: str | Path) -> Path:
+    """The file of a study: a path, or the name of a bundled one.
+
+    Raises:
+        InputError: no such study.
+    """
+    folder = bundled_root() / STUDIES
+    for candidate in (Path(source), Path(f"{source}.yaml"), folder / f"{source}.yaml"):
+        if _is_file(candidate):
+            return candidate
+    known = [p.stem for p in folder.glob("*.yaml")]
+    raise InputError(f"no study {str(source)!r}" + did_you_mean(str(source), known))

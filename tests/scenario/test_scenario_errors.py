@@ -35,9 +35,9 @@ FILES = {
     "": ": grid: is missing (and 9 more)",
     "# nothing\n": ": grid: is missing (and 9 more)",
     "null": ": grid: is missing (and 9 more)",
-    "- a\n- b\n": ":1: a scenario must be a mapping of keys to values",
-    "5": ":1: a scenario must be a mapping of keys to values",
-    "just words": ":1: a scenario must be a mapping of keys to values",
+    "- a\n- b\n": ":1: must be a mapping of keys to values",
+    "5": ":1: must be a mapping of keys to values",
+    "just words": ":1: must be a mapping of keys to values",
     # Scalars that ruamel.yaml itself stumbles over.
     "name: 2020-99-99": ": broken YAML: month must be in 1..12",
     "name: !!int x": ": broken YAML: invalid literal",

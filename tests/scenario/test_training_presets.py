@@ -120,7 +120,7 @@ def test_preset_gives_every_setting_but_its_own_name():
         (OWN + "cases: [{when: 3, set: {}}]", r"own\.yaml:24: cases: each must have the mappings"),
         (OWN + "cases: [{when: {}, set: [1]}]", r"own\.yaml:24: cases: each must have the "),
         (OWN + "cases: [{when: {}, set: {epochs: x}}]", r"^own\.yaml:24: training\.epochs: must "),
-        ("[1, 2]", r"own\.yaml:1: a scenario must be a mapping"),
+        ("[1, 2]", r"own\.yaml:1: must be a mapping"),
         ("a: [1", r"own\.yaml: broken YAML"),
         ("", r"training\.\w+: is missing"),
     ],

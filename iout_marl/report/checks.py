@@ -1,0 +1,160 @@
+"""Single statements, and whether what was measured agrees with them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from iout_marl.evaluation import Estimate
+from iout_marl.report.content import Verdict
+from iout_marl.report.measures import difference, number, percent, reduction
+from iout_marl.study.results import Measured, Results
+
+#: "About x" leaves room for this share of x.
+ABOUT = 0.2
+
+
+@dataclass(frozen=True)
+class Check:
+    """A statement about one figure.
+
+    Attributes:
+        text: the figure, with its interval and where it stands.
+        holds: whether the statement is true of it.
+        open: whether the interval leaves it open; then it does not hold.
+    """
+
+    text: str
+    holds: bool
+    open: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.text} {'✓' if self.holds else '?' if self.open else '✗'}"
+
+    @classmethod
+    def positive(cls, text: str, estimate: Estimate) -> Check:
+        """That a difference is above 0 with its whole interval, or by itself without one."""
+        if math.isnan(estimate.low):
+            return cls(text, estimate.mean > 0)
+        return cls(text, estimate.low > 0, open=estimate.low <= 0 < estimate.high)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A group of like statements: `what` they say, and each of them."""
+
+    what: str
+    checks: tuple[Check, ...]
+
+    def __str__(self) -> str:
+        return f"{self.what}: {'; '.join(map(str, self.checks))}"
+
+
+def verdict(findings: Sequence[Finding]) -> Verdict:
+    """All statements hold: reproduced; some: in part; none: not; nothing measured: so."""
+    held = [check.holds for finding in findings for check in finding.checks]
+    if not held:
+        return "not measured"
+    if all(held):
+        return "reproduced"
+    return "reproduced in part" if any(held) else "not reproduced"
+
+
+def about(value: float, target: float) -> bool:
+    """Whether a value is the target, give or take a fifth of it."""
+    return abs(value - target) <= ABOUT * abs(target)
+
+
+def symbol(results: Results, place: float) -> str:
+    """`K = 3`."""
+    name = {"nodes.count": "K", "auvs.count": "M"}.get(results.axis.key, results.axis.key)
+    return f"{name} = {place:g}"
+
+
+def at_each_place(
+    results: Results,
+    what: str,
+    check: Callable[[float], Check | None],
+    places: Sequence[float] | None = None,
+) -> Finding:
+    """A statement at each place on the axis; places where nothing was measured are left out."""
+    found = [check(place) for place in (results.places() if places is None else places)]
+    return Finding(what, tuple(c for c in found if c is not None))
+
+
+def lower(
+    results: Results,
+    metric: str,
+    first: str,
+    second: str,
+    places: Sequence[float] | None = None,
+    *,
+    what: str = "",
+) -> Finding:
+    """The first series has less of a metric than the second, by the interval of the ratio."""
+
+    def check(place: float) -> Check | None:
+        a, b = (results.measured(name, place, metric) for name in (first, second))
+        if a is None or b is None:
+            return None
+        share = reduction(a, b)
+        return Check.positive(f"{symbol(results, place)}: {percent(share)}", share)
+
+    return at_each_place(results, what or f"{first} below {second} by", check, places)
+
+
+def higher(
+    results: Results,
+    metric: str,
+    first: str,
+    second: str,
+    digits: int,
+    unit: str = "",
+    places: Sequence[float] | None = None,
+) -> Finding:
+    """The first series has more of a metric than the second, by the interval of the difference."""
+
+    def check(place: float) -> Check | None:
+        a, b = (results.measured(name, place, metric) for name in (first, second))
+        if a is None or b is None:
+            return None
+        more = difference(a, b)
+        return Check.positive(f"{symbol(results, place)}: {number(more, digits, unit)}", more)
+
+    return at_each_place(results, f"{first} above {second} by", check, places)
+
+
+def within(
+    results: Results,
+    metric: str,
+    series: str,
+    holds: Callable[[float], bool],
+    what: str,
+    digits: int,
+    unit: str = "",
+    places: Sequence[float] | None = None,
+) -> Finding:
+    """The mean of a metric satisfies a condition."""
+
+    def check(place: float) -> Check | None:
+        measured = results.measured(series, place, metric)
+        if measured is None:
+            return None
+        estimate = measured.estimate
+        text = f"{symbol(results, place)}: {number(estimate, digits, unit)}"
+        return Check(text, holds(estimate.mean))
+
+    return at_each_place(results, f"{series} {what}", check, places)
+
+
+def paired(
+    results: Results, measure: Callable[[str, float], Measured | None], first: str, second: str
+) -> list[tuple[float, Measured, Measured]]:
+    """Both series' measurements at every place where both were made."""
+    found = []
+    for place in results.places():
+        a, b = measure(first, place), measure(second, place)
+        if a is not None and b is not None:
+            found.append((place, a, b))
+    return found

@@ -1,0 +1,321 @@
+"""The paper's claims, answered one by one from what was measured.
+
+Each claim is taken apart into statements that are true or false of one figure. Of an
+order (A below B) the statement holds if the whole 95 % interval of the difference lies on
+its side; of a size, if the mean lies within it, where "about" leaves a fifth of room.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+from iout_marl.report import explanations
+from iout_marl.report.checks import (
+    Check,
+    Finding,
+    about,
+    at_each_place,
+    higher,
+    lower,
+    paired,
+    symbol,
+    verdict,
+    within,
+)
+from iout_marl.report.content import Answer, Answers
+from iout_marl.report.link_figures import (
+    beta_star_curves,
+    energy_cells,
+    harvest_and_requirement,
+    normalised_square_error,
+)
+from iout_marl.report.measures import difference, number, percent, reduction
+from iout_marl.report.names import BASELINES, FDD, GREEDY, RANDOM_WALK, ROUND_ROBIN, TDD
+from iout_marl.report.paper_tables import co2_kg, energy_kwh
+from iout_marl.report.sources import claims
+from iout_marl.report.study_figures import seconds
+from iout_marl.study.results import Measured, Results
+
+Findings = list[Finding]
+#: The paper's "small number of nodes": those below 7.
+SMALL = 7
+
+
+def _small(results: Results) -> list[float]:
+    return [place for place in results.places() if place < SMALL]
+
+
+def _large(results: Results) -> list[float]:
+    return [place for place in results.places() if place >= SMALL]
+
+
+def _mean_reduction(
+    results: Results, first: str, second: str, places: list[float], target: float, what: str
+) -> Finding:
+    """The reduction of mean AoI, averaged over places, is about the target."""
+    pairs = [
+        (a, b)
+        for place in places
+        if (a := results.measured(first, place, "mean_aoi"))
+        and (b := results.measured(second, place, "mean_aoi"))
+    ]
+    if not pairs:
+        return Finding(what, ())
+    share = sum(reduction(a, b).mean for a, b in pairs) / len(pairs)
+    where = ", ".join(f"{place:g}" for place in places)
+    text = f"{100 * share:.1f} % over K = {where}"
+    return Finding(what, (Check(text, about(share, target)),))
+
+
+def _random_walk_highest(results: Results) -> Findings:
+    others = (ROUND_ROBIN, GREEDY, TDD, FDD)
+    return [lower(results, "mean_aoi", name, RANDOM_WALK) for name in others]
+
+
+def _round_robin(results: Results) -> Findings:
+    largest = max(
+        (
+            reduction(a, b).mean
+            for place in _large(results)
+            if (a := results.measured(ROUND_ROBIN, place, "mean_aoi"))
+            and (b := results.measured(RANDOM_WALK, place, "mean_aoi"))
+        ),
+        default=None,
+    )
+    findings = [
+        lower(results, "mean_aoi", ROUND_ROBIN, RANDOM_WALK),
+        _mean_reduction(
+            results, ROUND_ROBIN, RANDOM_WALK, _small(results), 0.16, "about 16 % at small K"
+        ),
+    ]
+    if largest is not None:
+        check = Check(f"{100 * largest:.1f} %", about(largest, 0.25))
+        findings.append(Finding("up to about 25 % at K = 7 and 10, the largest", (check,)))
+    return findings
+
+
+def _greedy(results: Results) -> Findings:
+    small = _small(results)
+    return [
+        lower(results, "mean_aoi", GREEDY, ROUND_ROBIN, small),
+        _mean_reduction(results, GREEDY, ROUND_ROBIN, small, 0.30, "about 30 % at small K"),
+    ]
+
+
+def _tdd_below_greedy(results: Results) -> Findings:
+    return [
+        lower(results, "mean_aoi", TDD, GREEDY),
+        _mean_reduction(results, TDD, GREEDY, results.places(), 0.155, "about 15.5 %, the mean"),
+    ]
+
+
+def _fdd_lowest(results: Results) -> Findings:
+    return [lower(results, "mean_aoi", FDD, name) for name in (*BASELINES, TDD)]
+
+
+def _baseline_energy(results: Results) -> Findings:
+    def same(place: float) -> Check | None:
+        a, b = (results.measured(n, place, "harvested_kj") for n in (RANDOM_WALK, ROUND_ROBIN))
+        if a is None or b is None:
+            return None
+        text = f"{symbol(results, place)}: {number(difference(a, b), 2, 'kJ')}"
+        return Check(text, about(a.mean, b.mean))
+
+    return [
+        at_each_place(results, f"{RANDOM_WALK} within a fifth of {ROUND_ROBIN}", same),
+        *(
+            within(results, "harvested_kj", name, lambda kj: kj <= 7, "at most 7 kJ", 2, "kJ")
+            for name in (RANDOM_WALK, ROUND_ROBIN)
+        ),
+    ]
+
+
+def _tdd_energy(results: Results) -> Findings:
+    return [
+        *(higher(results, "harvested_kj", TDD, name, 2, "kJ") for name in BASELINES),
+        within(results, "harvested_kj", TDD, lambda kj: 8 <= kj <= 9.2, "from 8 to 9.2 kJ", 2),
+    ]
+
+
+def _fdd_energy(results: Results) -> Findings:
+    return [
+        *(higher(results, "harvested_kj", FDD, name, 2, "kJ") for name in (*BASELINES, TDD)),
+        within(results, "harvested_kj", FDD, lambda kj: kj > 10.5, "above 10.5 kJ", 2),
+        within(
+            results, "harvested_kj", FDD, lambda kj: about(kj, 11.7), "about 11.7 kJ", 2,
+            places=[place for place in results.places() if place == 7],
+        ),
+    ]  # fmt: skip
+
+
+def _fdd_fairness(results: Results) -> Findings:
+    return [
+        *(higher(results, "jain", FDD, name, 3) for name in (TDD, *BASELINES)),
+        *(higher(results, "jain", TDD, name, 3) for name in BASELINES),
+    ]
+
+
+def _baseline_fairness(results: Results) -> Findings:
+    findings = []
+    for name in BASELINES:
+        checks = []
+        for few, many in pairwise(results.places(name)):
+            a, b = (results.measured(name, place, "jain") for place in (few, many))
+            assert a is not None
+            assert b is not None
+            fall = difference(a, b)
+            checks.append(Check.positive(f"K = {few:g} → {many:g}: {number(fall, 3)}", fall))
+        findings.append(Finding(f"{name} falls by", tuple(checks)))
+    return findings
+
+
+def _worst(
+    results: Results,
+    metric: str,
+    pick: Callable[[list[float]], float],
+    holds: Callable[[float], bool],
+    digits: int,
+) -> Findings:
+    """The worst value of a metric over all episodes and seeds satisfies a condition."""
+    findings = []
+    for name in (TDD, FDD):
+
+        def check(place: float, name: str = name) -> Check | None:
+            samples = [v for r in results.records(name, place) for v in r.samples[metric]]
+            if not samples:
+                return None
+            worst = pick(samples)
+            return Check(f"{symbol(results, place)}: {worst:.{digits}f}", holds(worst))
+
+        findings.append(at_each_place(results, f"{name}, the worst seed", check))
+    return findings
+
+
+def _fair_enough(results: Results) -> Findings:
+    return _worst(results, "jain", min, lambda jain: jain >= 0.85, 3)
+
+
+def _young_enough(results: Results) -> Findings:
+    findings = _worst(results, "age_violations", max, lambda count: count == 0, 0)
+    return [Finding(f"node-slots above A_max, {f.what}", f.checks) for f in findings]
+
+
+def _energy_table(_: Results) -> Findings:
+    cells = energy_cells()
+    agreeing = sum(cell.agrees for cell in cells)
+    exact = Check(f"{agreeing} of {len(cells)}", agreeing == len(cells))
+    some = (Check("some do", agreeing > 0),) if 0 < agreeing < len(cells) else ()
+    return [Finding("cells that agree in every printed digit", (exact, *some))]
+
+
+def _energy_constant(_: Results) -> Findings:
+    errors = normalised_square_error()
+    largest = max(errors.values())
+    per_beta = ", ".join(f"{error:.1e} for β = {beta}" for beta, error in errors.items())
+    check = Check(f"{largest:.1e} ({per_beta})", 1e-5 <= largest < 1e-4)
+    return [Finding("normalised mean square error, the largest", (check,))]
+
+
+def _beta_energy(_: Results) -> Findings:
+    rises, falls, change = harvest_and_requirement()
+    return [
+        Finding("harvested energy rises with β, 1 to 600 m", (Check(_yes(rises), rises),)),
+        Finding("and falls with distance, 1 to 600 m", (Check(_yes(falls), falls),)),
+        Finding(
+            "required energy changes over β = 0.1 … 0.9 by at most",
+            (Check(f"{100 * change:.2f} %", change < 0.01),),
+        ),
+    ]
+
+
+def _beta_star(_: Results) -> Findings:
+    curves = beta_star_curves()
+    rising = tuple(Check(f"{c.frequency_khz:g} kHz", c.rises) for c in curves)
+    nearer = tuple(
+        Check(
+            f"{b.frequency_khz:g} kHz: {b.distance_m[-1]:.0f} m, after {a.distance_m[-1]:.0f} m",
+            bool(b.distance_m[-1] < a.distance_m[-1]),
+        )
+        for a, b in pairwise(curves)
+    )
+    return [
+        Finding("β* rises strictly with distance", rising),
+        Finding("β* reaches 0.9 nearer than at the frequency before", nearer),
+    ]
+
+
+def _yes(true: bool) -> str:  # noqa: FBT001
+    return "yes" if true else "no"
+
+
+def _cost(results: Results) -> Findings:
+    def finding(measure: Callable[[str, float], Measured | None], what: str) -> Finding:
+        checks = []
+        for place, tdd, fdd in paired(results, measure, TDD, FDD):
+            share = reduction(tdd, fdd)
+            checks.append(Check.positive(f"{symbol(results, place)}: {percent(share)}", share))
+        return Finding(what, tuple(checks))
+
+    return [
+        finding(lambda s, p: seconds(results, s, p), "TDD trains in less time, by"),
+        finding(lambda s, p: energy_kwh(results, s, p), "with less energy, by"),
+        finding(lambda s, p: co2_kg(results, s, p), "and less CO₂, by"),
+    ]
+
+
+#: How each claim is checked, and what explains it where it does not hold.
+CHECKS: dict[str, tuple[Callable[[Results], Findings], explanations.Explanation]] = {
+    "aoi-rw": (_random_walk_highest, explanations.none),
+    "aoi-rr": (_round_robin, explanations.round_robin),
+    "aoi-ga": (_greedy, explanations.greedy),
+    "aoi-tdd": (_tdd_below_greedy, explanations.trained_further),
+    "aoi-fdd": (_fdd_lowest, explanations.none),
+    "energy-baselines": (_baseline_energy, explanations.baseline_energy),
+    "energy-tdd": (_tdd_energy, explanations.tdd_energy),
+    "energy-fdd": (_fdd_energy, explanations.fdd_energy),
+    "jain-fdd": (_fdd_fairness, explanations.fairness_order),
+    "jain-baselines": (_baseline_fairness, explanations.baseline_fairness),
+    "constraint-jain": (_fair_enough, explanations.unfair_seeds),
+    "constraint-age": (_young_enough, explanations.late_seeds),
+    "energy-table": (_energy_table, explanations.none),
+    "energy-constant": (_energy_constant, explanations.none),
+    "beta-energy": (_beta_energy, explanations.none),
+    "beta-star": (_beta_star, explanations.none),
+    "cost-tdd": (_cost, explanations.cost),
+}
+
+CAPTION = (
+    "Each claim is taken apart into statements about single figures: ✓ holds, ✗ does not, ? the "
+    "interval leaves it open, so that it is not shown. Of an order, a statement holds if the "
+    "whole 95 % interval of the difference lies on its side; of a size, if the mean does, where "
+    "“about” leaves a fifth of room. All hold: reproduced; some: in part; none: not reproduced. "
+    "The verdicts are computed. Baselines play in the TDD world, as in the paper."
+)
+
+
+def answers(results: Results) -> Answers:
+    """Every claim of the paper, answered."""
+    found = []
+    for claim in claims():
+        check, explain = CHECKS[claim.key]
+        findings = [finding for finding in check(results) if finding.checks]
+        judged = verdict(findings)
+        explained = judged in ("reproduced in part", "not reproduced")
+        found.append(
+            Answer(
+                claim=claim.key,
+                source=claim.source,
+                text=claim.text,
+                value=claim.value,
+                verdict=judged,
+                measured=tuple(map(str, findings)),
+                explanation=tuple(explain(results)) if explained else (),
+            )
+        )
+    return Answers(
+        key="claims",
+        caption=CAPTION,
+        command=results.command,
+        answers=tuple(found),
+    )

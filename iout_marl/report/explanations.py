@@ -1,0 +1,300 @@
+"""Why a claim did not hold: measurements, not words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from iout_marl.report.checks import symbol
+from iout_marl.report.measures import difference, metric, number, percent, reduction
+from iout_marl.report.names import (
+    BASELINES,
+    BEST_TDD,
+    FDD,
+    GREEDY,
+    RANDOM_WALK,
+    ROUND_ROBIN,
+    TDD,
+    in_fdd,
+)
+from iout_marl.report.study_figures import seconds
+from iout_marl.scenario import FixedNodes, load_scenario
+from iout_marl.study.results import Results
+
+Explanation: TypeAlias = Callable[[Results], list[str]]
+
+#: Ways to score an episode: metric, and what it is called.
+SCORES = {"mean_aoi": "time average", "final_aoi": "final", "peak_aoi": "peak"}
+
+
+def none(_: Results) -> list[str]:
+    """Nothing was measured beyond the claim itself."""
+    return ["No further measurement was made: the figures above are the answer."]
+
+
+def _scored(results: Results, first: str, second: str, scores: tuple[str, str]) -> str | None:
+    """`K = 3: 16 % (10 to 22); …`: the reduction if each series is scored in its own way."""
+    parts = []
+    for place in results.places():
+        a = results.measured(first, place, scores[0])
+        b = results.measured(second, place, scores[1])
+        if a is not None and b is not None:
+            parts.append(f"{symbol(results, place)}: {percent(reduction(a, b))}")
+    return "; ".join(parts) or None
+
+
+def _other_scores(
+    results: Results, first: str, second: str, choices: Sequence[tuple[str, str, str]]
+) -> list[str]:
+    lines = []
+    for what, *scores in choices:
+        text = _scored(results, first, second, (scores[0], scores[1]))
+        if text:
+            lines.append(f"{what}: {text}.")
+    return lines
+
+
+def round_robin(results: Results) -> list[str]:
+    """Random walk by its final AoI, as one of the authors' scripts scores it."""
+    unequal = (
+        "With random walk scored by its final AoI, as in one of the authors' scripts, and round "
+        "robin by its time average, round robin is below it by"
+    )
+    equal = "With both scored by the final AoI, by"
+    return _other_scores(
+        results,
+        ROUND_ROBIN,
+        RANDOM_WALK,
+        [(unequal, "mean_aoi", "final_aoi"), (equal, "final_aoi", "final_aoi")],
+    )
+
+
+def greedy(results: Results) -> list[str]:
+    """The same reduction in the FDD world and by other scores."""
+    lines = _other_scores(
+        results,
+        GREEDY,
+        ROUND_ROBIN,
+        [
+            ("Scored by the final AoI, greedy is below round robin by", "final_aoi", "final_aoi"),
+            ("Scored by the peak AoI, by", "peak_aoi", "peak_aoi"),
+        ],
+    )
+    text = _scored(results, in_fdd(GREEDY), in_fdd(ROUND_ROBIN), ("mean_aoi", "mean_aoi"))
+    return [*lines, *([f"In the FDD world, by: {text}."] if text else [])]
+
+
+def trained_further(results: Results) -> list[str]:
+    """When in the training the claimed reduction is reached, and passed."""
+    parts = []
+    for place in results.places():
+        baseline = results.measured(GREEDY, place, "mean_aoi")
+        if baseline is None:
+            continue
+        claimed = 0.845 * baseline.mean
+        step = _first_step(results, TDD, place, "aoi/mean", below=claimed)
+        parts.append(f"{symbol(results, place)}: {step}")
+    own = _scored(results, TDD, GREEDY, ("mean_aoi", "mean_aoi"))
+    passed = "In training (actions still sampled) the mean AoI first lies 15.5 % below greedy after"
+    further = "what is gained beyond the claim is gained by training on"
+    return [
+        f"The reduction by K: {own}.",
+        f"{passed} {'; '.join(parts)}; {further}.",
+    ]
+
+
+def _first_step(
+    results: Results,
+    series: str,
+    place: float,
+    curve: str,
+    *,
+    below: float = math.inf,
+    above: float = -math.inf,
+) -> str:
+    """Environment steps after which the seeds' mean curve first lies between the bounds."""
+    curves = [r.training.curve for r in results.records(series, place) if r.training]
+    if not curves:
+        return "not trained"
+    shortest = min(len(c["env_steps"]) for c in curves)
+    mean = np.mean([c[curve][:shortest] for c in curves], axis=0)
+    for step, value in zip(curves[0]["env_steps"], mean, strict=False):
+        if above <= value <= below:
+            return f"{step / 1e6:.2f} M steps"
+    return f"not within {curves[0]['env_steps'][-1] / 1e6:.1f} M steps"
+
+
+def _by_place(results: Results, series: str, name: str, unit: str = "") -> str:
+    return "; ".join(
+        f"{symbol(results, place)}: {metric(results.measured(series, place, name), name)}{unit}"
+        for place in results.places(series)
+    )
+
+
+def baseline_energy(results: Results) -> list[str]:
+    """The same baselines in both worlds."""
+    return [
+        f"{name}, in the {mode} world, kJ: {_by_place(results, series, 'harvested_kj')}."
+        for name in (RANDOM_WALK, ROUND_ROBIN)
+        for mode, series in (("TDD", name), ("FDD", in_fdd(name)))
+        if results.records(series)
+    ]
+
+
+def tdd_energy(results: Results) -> list[str]:
+    """How energy grows with training, and what another reward harvests in the same world."""
+    crossing = "; ".join(
+        f"{symbol(results, place)}: "
+        + _first_step(results, TDD, place, "energy/harvested_kj", above=8)
+        for place in results.places(TDD)
+    )
+    lines = [
+        f"By seed, kJ: {_seeds(results, TDD, 'harvested_kj', 2)}.",
+        f"In training, 8 kJ are first passed after {crossing}; energy goes on growing after that.",
+    ]
+    if results.records(BEST_TDD):
+        lines.append(
+            "Energy is a by-product that no term of the reward asks for: trained on mean AoI "
+            f"alone (better β rule), kJ: {_by_place(results, BEST_TDD, 'harvested_kj')}."
+        )
+    return lines
+
+
+def fdd_energy(results: Results) -> list[str]:
+    """By seed, and the baselines in the FDD world."""
+    return [
+        f"By seed, kJ: {_seeds(results, FDD, 'harvested_kj', 2)}.",
+        *(
+            f"{in_fdd(name)}, kJ: {_by_place(results, in_fdd(name), 'harvested_kj')}."
+            for name in BASELINES
+            if results.records(in_fdd(name))
+        ),
+    ]
+
+
+def _seeds(results: Results, series: str, name: str, digits: int) -> str:
+    return "; ".join(
+        f"{symbol(results, place)}: "
+        + ", ".join(f"{r.mean(name):.{digits}f}" for r in results.records(series, place))
+        for place in results.places(series)
+    )
+
+
+def fairness_order(results: Results) -> list[str]:
+    """What the index leaves out: how many packets arrive at all."""
+    gaps = []
+    for place in results.places():
+        a, b = results.measured(FDD, place, "jain"), results.measured(TDD, place, "jain")
+        if a is not None and b is not None:
+            gaps.append(f"{symbol(results, place)}: {number(difference(a, b), 3)}")
+    near = (
+        f"PPO-FDD's index minus PPO-TDD's: {'; '.join(gaps)}. Both are trained for a fairness "
+        "of 1 (the age term vanishes there), and both come near it."
+    )
+    packets = (
+        "The index counts shares, not packets. Share of slots that deliver, PPO-TDD: "
+        f"{_by_place(results, TDD, 'uplink_success')}; PPO-FDD: "
+        f"{_by_place(results, FDD, 'uplink_success')}."
+    )
+    return [near, packets]
+
+
+def baseline_fairness(results: Results) -> list[str]:
+    """From the first K to the last, and how far away the nodes of each K are."""
+    lines = []
+    for name in BASELINES:
+        places = results.places(name)
+        if len(places) > 1:
+            a = results.measured(name, places[0], "jain")
+            b = results.measured(name, places[-1], "jain")
+            if a is not None and b is not None:
+                lines.append(
+                    f"{name}, from K = {places[0]:g} to {places[-1]:g}, falls by "
+                    f"{number(difference(a, b), 3)}."
+                )
+    distances = "; ".join(
+        f"{symbol(results, place)}: {distance:.0f} m"
+        for place in results.places(RANDOM_WALK)
+        if (distance := mean_distance_from_start_m(int(place))) is not None
+    )
+    if distances:
+        lines.append(
+            "The fall is not even because the nodes of each K are not alike: their mean distance "
+            f"from the AUV's start is {distances}."
+        )
+    return lines
+
+
+def mean_distance_from_start_m(nodes: int) -> float | None:
+    """Of the first nodes of the paper's layout from the AUV's start, in m."""
+    scenario = load_scenario("paper/k10-tdd")
+    assert isinstance(scenario.nodes, FixedNodes)
+    cells = np.array(scenario.nodes.cells)
+    if nodes > len(cells):
+        return None
+    offset = cells[:nodes] - np.array(scenario.auvs.start_cells[0])
+    return float(np.linalg.norm(offset, axis=1).mean() * scenario.grid.spacing_m)
+
+
+def unfair_seeds(results: Results) -> list[str]:
+    """Every seed, and the same world under another reward."""
+    lines = [f"{name}, by seed: {_seeds(results, name, 'jain', 3)}." for name in (TDD, FDD)]
+    lines += _fewest_deliveries(results)
+    return lines
+
+
+def late_seeds(results: Results) -> list[str]:
+    """Every seed, and the same world under another reward."""
+    lines = [
+        f"{name}, by seed: {_seeds(results, name, 'age_violations', 0)}." for name in (TDD, FDD)
+    ]
+    lines += _fewest_deliveries(results)
+    if results.records(BEST_TDD):
+        lines.append(
+            "Trained on mean AoI alone (better β rule), TDD, by seed: "
+            f"{_seeds(results, BEST_TDD, 'age_violations', 0)}."
+        )
+    return lines
+
+
+def _fewest_deliveries(results: Results) -> list[str]:
+    """Which node each violating policy leaves out, from the episodes on record."""
+    parts = []
+    for name in (TDD, FDD):
+        for place in results.places(name):
+            for record in results.records(name, place):
+                broken = max(record.samples["age_violations"]) > 0
+                unfair = max(record.samples["jain_violation"]) > 0
+                if not (broken or unfair) or record.episode is None:
+                    continue
+                episode = record.episode
+                heard = np.array(episode["heard"])[np.array(episode["delivered"])]
+                counts = np.bincount(heard, minlength=record.nodes + 1)[1:]
+                least = int(counts.argmin())
+                parts.append(
+                    f"{name}, {symbol(results, place)}, seed {record.seed}: node {least + 1} at "
+                    f"{tuple(episode['nodes'][least])} delivers {counts[least]} of "
+                    f"{counts.sum()} packets"
+                )
+    return [f"Who is left out: {'; '.join(parts)}."] if parts else []
+
+
+def cost(results: Results) -> list[str]:
+    """Steps a second in both modes."""
+    parts = []
+    for place in results.places():
+        pair = [seconds(results, name, place) for name in (TDD, FDD)]
+        records = [results.records(name, place) for name in (TDD, FDD)]
+        if all(pair) and all(records):
+            rates = [
+                r[0].training.env_steps / s.mean
+                for r, s in zip(records, pair, strict=True)
+                if s is not None and r[0].training is not None
+            ]
+            parts.append(f"{symbol(results, place)}: {rates[0]:,.0f} and {rates[1]:,.0f}")
+    same = "Both modes take the same number of environment steps here; what differs is one's time."
+    rates_by_place = f"Steps a second, TDD and FDD: {'; '.join(parts)}."
+    return [same, rates_by_place, "Cells run side by side on shared cores: their times scatter."]

@@ -1,0 +1,208 @@
+"""Figures as Plotly draws them in a page: data and layout, as JSON.
+
+Colours of fonts and grids are left out: the page sets them, according to its theme.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from iout_marl.report import palette
+from iout_marl.report.content import Figure, Plot
+from iout_marl.report.markup import plotly_text
+from iout_marl.report.series import Series, lay_out, ticks, x_limits, y_limits
+from iout_marl.report.space import draw_space
+
+_LEGEND = {
+    "orientation": "h",
+    "yref": "container",
+    "y": 0,
+    "yanchor": "bottom",
+    "x": 0,
+    "xanchor": "left",
+    "itemsizing": "constant",
+}
+
+
+def plotly_json(figure: Figure) -> str:
+    """A figure for `Plotly.newPlot`: an object with `data` and `layout`."""
+    # Plotly takes its time to load.
+    import plotly.graph_objects as go
+
+    data, layout = _draw_plot(figure) if isinstance(figure, Plot) else draw_space(figure)
+    common = {
+        "template": {},  # else several kB of defaults
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "autosize": True,
+        "showlegend": True,
+        "legend": _LEGEND,
+        "hovermode": "closest",
+        "font": {"family": "system-ui, sans-serif", "size": 13},
+        "hoverlabel": {"align": "left"},
+    }
+    # The validators of Plotly find misspelt names here and not in a reader's browser.
+    text: str = go.Figure(data=data, layout=common | layout).to_json()
+    return text
+
+
+def _draw_plot(plot: Plot) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    series = lay_out(plot)
+    data = [_band(one) for one in series if one.band and one.spans()]
+    data += [_bars(plot, one) if plot.kind == "bars" else _line(plot, one) for one in series]
+    return data, {
+        "xaxis": _x_axis(plot),
+        "yaxis": _y_axis(plot),
+        "margin": {"l": 56, "r": 12, "t": 28, "b": 44},
+        "barmode": "overlay",  # the places of bars have been worked out already
+    }
+
+
+def _axis(title: str, limits: tuple[float, float] | None) -> dict[str, Any]:
+    axis: dict[str, Any] = {
+        "title": {"text": plotly_text(title), "standoff": 10},
+        "automargin": True,
+        "zeroline": False,
+        "showline": True,
+        "ticks": "outside",
+        "ticklen": 4,
+    }
+    if limits is not None:
+        axis["range"] = list(limits)
+    return axis
+
+
+def _log_axis(
+    title: str, limits: tuple[float, float] | None, values: Iterable[float]
+) -> dict[str, Any]:
+    axis = _axis(title, None) | {"type": "log", "exponentformat": "power"}
+    if limits is not None:
+        axis["range"] = [math.log10(end) for end in limits]
+    exponents = axis.get("range") or [math.log10(value) for value in values if value > 0]
+    decades = max(exponents, default=0.0) - min(exponents, default=0.0)
+    if decades > 2:  # below that, Plotly labels steps within a decade, too
+        axis["dtick"] = math.ceil(decades / 8)
+    return axis
+
+
+def _y_axis(plot: Plot) -> dict[str, Any]:
+    if plot.log_y:
+        values = (y for line in plot.lines for y in line.y)
+        return _log_axis(plot.y_label, y_limits(plot), values)
+    return _axis(plot.y_label, y_limits(plot))
+
+
+def _x_axis(plot: Plot) -> dict[str, Any]:
+    if not plot.categories:
+        if plot.log_x:
+            values = (x for line in plot.lines for x in line.x)
+            return _log_axis(plot.x_label, x_limits(plot), values)
+        return _axis(plot.x_label, x_limits(plot))
+    places, labels = ticks(plot)
+    ruler = {"tickmode": "array", "tickvals": places, "ticktext": labels, "showgrid": False}
+    return _axis(plot.x_label, x_limits(plot)) | ruler
+
+
+def _entry(series: Series) -> dict[str, Any]:
+    name = plotly_text(series.line.name)
+    return {"name": name, "legendgroup": name, "showlegend": series.line.in_legend}
+
+
+def _hover(plot: Plot, series: Series) -> dict[str, Any]:
+    line = series.line
+    points = []
+    for i, (x, y) in enumerate(zip(line.x, line.y, strict=True)):
+        text = f"{y:.4g}"
+        if line.low and not math.isnan(line.low[i]):
+            text += f"  [{line.low[i]:.4g}, {line.high[i]:.4g}]"
+        points.append([f"{x:g}", text])
+    template = (
+        f"<b>{plotly_text(line.name)}</b><br>{plotly_text(plot.x_label)}: %{{customdata[0]}}"
+        f"<br>{plotly_text(plot.y_label)}: %{{customdata[1]}}<extra></extra>"
+    )
+    return {"customdata": points, "hovertemplate": template}
+
+
+def _line(plot: Plot, series: Series) -> dict[str, Any]:
+    trace: dict[str, Any] = {
+        "type": "scatter",
+        "mode": "lines+markers",
+        "x": series.x,
+        "y": series.y,
+        "line": {
+            "color": series.colour,
+            "width": 2,
+            "dash": "dash" if series.line.dashed else "solid",
+        },
+        "marker": {
+            "color": series.colour,
+            "symbol": palette.MARKS[series.mark][1],
+            "size": 7,
+            "maxdisplayed": 9 if series.band else 0,
+        },
+        **_entry(series),
+        **_hover(plot, series),
+    }
+    if not series.band and series.spans():
+        trace["error_y"] = _error_bars(series) | {"color": series.colour}
+    return trace
+
+
+def _bars(plot: Plot, series: Series) -> dict[str, Any]:
+    trace: dict[str, Any] = {
+        "type": "bar",
+        "x": series.x,
+        "y": series.y,
+        "width": series.width,
+        "marker": {"color": series.colour},
+        **_entry(series),
+        **_hover(plot, series),
+    }
+    if series.line.dashed:  # hatched where lines would be dashed
+        trace["marker"]["pattern"] = {"shape": "/", "fillmode": "overlay", "solidity": 0.3}
+    if series.spans():
+        trace["error_y"] = _error_bars(series)  # the page sets its colour
+    return trace
+
+
+def _error_bars(series: Series) -> dict[str, Any]:
+    points = list(zip(series.y, series.low, series.high, strict=True))
+    return {
+        "type": "data",
+        "symmetric": False,
+        "array": [_length(high - y) for y, _, high in points],
+        "arrayminus": [_length(y - low) for y, low, _ in points],
+        "thickness": 1.4,
+        "width": 4,
+    }
+
+
+def _length(length: float) -> float | str:
+    # Plotly takes a missing number for 0 and draws a cap there; for a word it draws nothing.
+    return "none" if math.isnan(length) else length
+
+
+def _band(series: Series) -> dict[str, Any]:
+    """One outline for every run of intervals, with gaps between them."""
+    x: list[float | None] = []
+    y: list[float | None] = []
+    for span in series.spans():
+        if x:
+            x.append(None)
+            y.append(None)
+        x += [series.x[i] for i in (*span, *reversed(span))]
+        y += [series.high[i] for i in span] + [series.low[i] for i in reversed(span)]
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": x,
+        "y": y,
+        "fill": "toself",
+        "fillcolor": palette.translucent(series.colour, 0.18),
+        "line": {"width": 0, "color": series.colour},
+        "hoverinfo": "skip",
+        **_entry(series),
+        "showlegend": False,
+    }

@@ -1,0 +1,119 @@
+"""The report as one web page that needs nothing else and asks no host for anything."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections import Counter
+from collections.abc import Mapping
+
+import jinja2
+from markupsafe import Markup
+
+from iout_marl.report.content import Answers, Figure, Plot, Report, Table, Trajectory, Verdict
+from iout_marl.report.interactive import plotly_json
+from iout_marl.report.markup import html_text
+from iout_marl.report.static import draw
+
+#: In words of a class name, and with a sign, so that no verdict is told by colour alone.
+_VERDICTS: dict[Verdict, tuple[str, str]] = {
+    "reproduced": ("yes", "✓"),
+    "reproduced in part": ("part", "≈"),
+    "not reproduced": ("no", "✗"),
+    "not measured": ("open", "–"),
+}
+_KEY = re.compile(r"[A-Za-z][\w.-]*")
+
+
+def render_page(report: Report, pictures: Mapping[str, bytes] | None = None) -> str:
+    """The page, an HTML document.
+
+    Args:
+        report: what it says.
+        pictures: the SVG of every figure by key; drawn where not given.
+
+    Raises:
+        ValueError: two parts have the same key, or a key makes no anchor.
+    """
+    from plotly.offline import get_plotlyjs
+
+    _check_keys(report)
+    pictures = pictures or {figure.key: draw(figure)["svg"] for figure in report.figures()}
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("iout_marl.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"text": html_text, "slug": _slug}
+    environment.tests |= {
+        "figure": lambda item: isinstance(item, Plot | Trajectory),
+        "trajectory": lambda item: isinstance(item, Trajectory),
+        "table": lambda item: isinstance(item, Table),
+        "answers": lambda item: isinstance(item, Answers),
+    }
+
+    def inlined(name: str) -> Markup:
+        return Markup(environment.get_template(name).render())
+
+    return environment.get_template("report.html.j2").render(
+        report=report,
+        verdicts=_VERDICTS,
+        style=inlined("report.css"),
+        script=inlined("report.js"),
+        plotly=Markup(_as_script(get_plotlyjs())),
+        data={f.key: Markup(_as_json_script(plotly_json(f))) for f in report.figures()},
+        pictures={key: _data_uri(svg) for key, svg in pictures.items()},
+        alt={figure.key: _alternative(figure) for figure in report.figures()},
+        entries={figure.key: _legend_entries(figure) for figure in report.figures()},
+    )
+
+
+def _check_keys(report: Report) -> None:
+    keys = [section.key for section in report.sections]
+    keys += [item.key for section in report.sections for item in section.items]
+    for key, count in Counter(keys).items():
+        if count > 1:
+            raise ValueError(f"{key!r} is the key of {count} parts of the report")
+        if not _KEY.fullmatch(key):
+            raise ValueError(f"{key!r} is no key: an ASCII letter, then letters, digits, . _ -")
+
+
+def _as_script(code: str) -> str:
+    # Both would end a script element early or keep it from ending.
+    return code.replace("</script", r"<\/script").replace("<!--", r"<\!--")
+
+
+def _as_json_script(text: str) -> str:
+    return text.replace("<", r"\u003c").replace(">", r"\u003e").replace("&", r"\u0026")
+
+
+def _data_uri(svg: bytes) -> str:
+    return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
+
+
+def _alternative(figure: Figure) -> str:
+    """What those read who do not see the figure."""
+    if isinstance(figure, Trajectory):
+        size = " × ".join(map(str, figure.grid))
+        return (
+            f"{figure.title}: path of an AUV of {len(figure.charged)} slots through a grid "
+            f"of {size} cells with {len(figure.nodes)} nodes. The CSV file has every slot."
+        )
+    names = ", ".join(dict.fromkeys(line.name for line in figure.lines))
+    return (
+        f"{figure.title}: {figure.y_label} over {figure.x_label} for {names}. "
+        "The CSV file has the values."
+    )
+
+
+def _legend_entries(figure: Figure) -> int:
+    if isinstance(figure, Trajectory):
+        return 7
+    return sum(line.in_legend for line in figure.lines)

@@ -1,0 +1,206 @@
+"""The paper's tables: cost of training, hyperparameters, constraints."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iout_marl.report.content import Table
+from iout_marl.report.measures import duration, number
+from iout_marl.report.names import FDD, TDD
+from iout_marl.report.sources import printed_costs
+from iout_marl.report.study_figures import seconds
+from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.study.results import Measured, Results
+
+#: Trained series of the paper, by duplex mode.
+BY_MODE = {"tdd": TDD, "fdd": FDD}
+MODES = ("tdd", "fdd")
+#: Rows of the table of hyperparameters: heading, field, and what the paper prints.
+HYPERPARAMETERS = (
+    ("Discount factor γ", "discount"),
+    ("Learning rate α", "learning_rate"),
+    ("Learning-rate schedule", "learning_rate_schedule"),
+    ("Entropy coefficient c₂", "entropy_coefficient"),
+    ("Environments", "environments"),
+    ("Steps per update (n_steps)", "rollout_slots"),
+    ("Epochs", "epochs"),
+    ("Minibatches", "minibatches"),
+    ("GAE λ", "gae_lambda"),
+    ("Clip range", "clip"),
+    ("Hidden units", "hidden_units"),
+    ("Activation", "activation"),
+    ("Environment steps", "steps"),
+)
+#: Those that the paper itself prints; the others are of the library that it used.
+PRINTED = ("discount", "learning_rate", "entropy_coefficient", "rollout_slots")
+
+
+def energy_kwh(results: Results, series: str, place: float) -> Measured | None:
+    """Electric energy of the trainings of a series, where it was measured."""
+    return _emissions(results, series, place, "energy_kwh")
+
+
+def co2_kg(results: Results, series: str, place: float) -> Measured | None:
+    """CO₂ of the trainings of a series, where it was measured."""
+    return _emissions(results, series, place, "co2_kg")
+
+
+def _emissions(results: Results, series: str, place: float, name: str) -> Measured | None:
+    found = [
+        r.training.emissions
+        for r in results.records(series, place)
+        if r.training and r.training.emissions
+    ]
+    values = tuple(float(getattr(emissions, name)) for emissions in found)
+    return Measured(values, "seeds") if values else None
+
+
+def cost_table(results: Results) -> Table:
+    """Time, energy and CO₂ of a training beside the paper's."""
+    rows = []
+    for (nodes, mode), printed in printed_costs().items():
+        time = seconds(results, BY_MODE[mode], nodes)
+        if time is None:
+            continue
+        energy = energy_kwh(results, BY_MODE[mode], nodes)
+        co2 = co2_kg(results, BY_MODE[mode], nodes)
+        rows.append(
+            (
+                f"{nodes} nodes {mode.upper()}",
+                duration(60 * printed.minutes),
+                number(time.estimate, 1, "s"),
+                f"{60 * printed.minutes / time.mean:,.0f}",
+                f"{1000 * printed.energy_kwh:.1f}",
+                _milli(energy, 1000),
+                f"{1000 * printed.co2_kg:.1f}",
+                _milli(co2, 1000),
+            )
+        )
+    used = {
+        r.training.emissions.codecarbon
+        for cell in results.cells
+        for r in [cell.record]
+        if r.training and r.training.emissions
+    }
+    if used:
+        how = (
+            f"Energy and CO₂ by codecarbon {', '.join(sorted(used))} of the training's own "
+            "process; where the processor's counters can not be read, it estimates power from "
+            "the processor's load."
+        )
+        how += f" Carbon intensity: {results.carbon_g_per_kwh:g} g/kWh, the paper's own."
+    else:
+        how = "Energy and CO₂ were not measured: codecarbon (extra `emissions`) was not installed."
+    return Table(
+        key="cost",
+        title="What a training takes, beside the paper's",
+        caption=(
+            "Seconds of one training on one thread, as many side by side as there are cores; "
+            f"mean and 95 % interval over seeds. {how} The paper measured with eco2ai on a "
+            "Ryzen 7 5800H with a GTX 1650."
+        ),
+        command=results.command,
+        columns=(
+            "PPO model",
+            "Paper",
+            "Here",
+            "Times faster",
+            "Paper, Wh",
+            "Here, Wh",
+            "Paper, g CO₂",
+            "Here, g CO₂",
+        ),
+        rows=tuple(rows),
+        numeric=frozenset(range(1, 8)),
+    )
+
+
+def _milli(measured: Measured | None, factor: float) -> str:
+    if measured is None:
+        return "–"
+    return number(Measured(tuple(factor * v for v in measured.samples), measured.over).estimate, 3)
+
+
+def hyperparameter_table(results: Results) -> Table:
+    """The paper's settings beside those of this study's trainings."""
+    own = {mode: _trained_scenario(results, mode) for mode in MODES}
+    paper = {
+        mode: load_scenario(f"paper/k10-{mode}", {"training.preset": "paper"}) for mode in MODES
+    }
+    rows = []
+    for heading, field in HYPERPARAMETERS:
+        cells = [_setting(scenario[mode], field) for scenario in (paper, own) for mode in MODES]
+        mark = "" if field in PRINTED else " *"
+        rows.append((heading + mark, *cells))
+    return Table(
+        key="hyperparameters",
+        title="Hyperparameters, the paper's and those used here",
+        caption=(
+            "The paper's as printed; with *, those of the library that it used. Batches: the "
+            "paper's have 100 samples. Both are training presets (`training.preset: paper` or "
+            "`fast`); this study's trainings take the second."
+        ),
+        command="iout show paper/k10-tdd",
+        columns=("Hyperparameter", "Paper, TDD", "Paper, FDD", "Here, TDD", "Here, FDD"),
+        rows=tuple(rows),
+        numeric=frozenset(range(1, 5)),
+    )
+
+
+def _trained_scenario(results: Results, mode: str) -> Scenario:
+    records = results.records(BY_MODE[mode])
+    steps = records[0].training.env_steps if records and records[0].training else None
+    changes = {} if steps is None else {"training.steps": steps}
+    return load_scenario(f"paper/k10-{mode}", changes)
+
+
+def _setting(scenario: Scenario, field: str) -> str:
+    value = getattr(scenario.training, field)
+    if isinstance(value, tuple):
+        return " × ".join(map(str, value))
+    return f"{value:,}" if isinstance(value, int) else f"{value}"
+
+
+def constraint_table(results: Results, series: list[str]) -> Table:
+    """How often the constraints of the paper's problem P1 are broken."""
+    rows, marked = [], set()
+    for place in results.places():
+        for name in series:
+            records = results.records(name, place)
+            if not records:
+                continue
+            jain = np.concatenate([r.samples["jain"] for r in records])
+            unfair = np.concatenate([r.samples["jain_violation"] for r in records])
+            late = np.concatenate([r.samples["age_violations"] for r in records])
+            rows.append(
+                (
+                    name,
+                    f"{place:g}",
+                    f"{jain.min():.3f}",
+                    f"{100 * unfair.mean():.0f} %",
+                    f"{100 * (late > 0).mean():.0f} %",
+                    f"{late.mean():.1f}",
+                )
+            )
+            marked |= {(len(rows) - 1, 3)} if unfair.any() else set()
+            marked |= {(len(rows) - 1, 4)} if late.any() else set()
+    return Table(
+        key="constraints",
+        title="Constraints of P1: fairness and age",
+        caption=(
+            "Over all episodes and seeds. A node-slot counts where an age would pass A_max = 50, "
+            "at which it stops; an episode is unfair where it ends below J_min = 0.85."
+        ),
+        command=results.command,
+        columns=(
+            "Series",
+            results.axis.label,
+            "Lowest Jain's index",
+            "Unfair episodes",
+            "Episodes with an age above A_max",
+            "Node-slots above A_max, mean",
+        ),
+        rows=tuple(rows),
+        numeric=frozenset(range(1, 6)),
+        marked=frozenset(marked),
+    )

@@ -1,0 +1,146 @@
+"""The report of any study: its series over its axis, its trainings, its cells."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from iout_marl.report.content import Report, Section, Table
+from iout_marl.report.measures import duration
+from iout_marl.report.study_figures import learning_figure, metric_figure, metrics_table
+from iout_marl.study.results import Results
+
+#: Metrics that get a figure of their own.
+FIGURES = (
+    ("mean_aoi", "Mean Age of Information"),
+    ("harvested_kj", "Energy harvested"),
+    ("jain", "Fairness"),
+)
+
+
+def plain_report(results: Results) -> Report:
+    """Every series over the axis."""
+    best = min(
+        (
+            (measured.mean, name, place)
+            for name in results.series
+            for place in results.places(name)
+            if (measured := results.measured(name, place, "mean_aoi"))
+        ),
+        default=None,
+    )
+    lead = [results.description] if results.description else []
+    if best is not None:
+        lead.append(
+            f"The lowest mean AoI, {best[0]:.2f}, is that of {best[1]} at "
+            f"{results.axis.label} = {best[2]:g}."
+        )
+    overview = Section(
+        key="overview",
+        title="Series over the axis",
+        items=(
+            *(
+                metric_figure(results, metric, title, metric, results.series)
+                for metric, title in FIGURES
+            ),
+            metrics_table(results, "metrics", "All series", results.series),
+        ),
+    )
+    sections = [overview, learning_section(results, results.series), cells_section(results)]
+    return Report(
+        title=results.title,
+        lead=tuple(lead),
+        facts=facts(results),
+        sections=tuple(s for s in sections if s.items),
+    )
+
+
+def learning_section(results: Results, series: list[str]) -> Section:
+    """Curves of all trained series."""
+    trained = [n for n in series if any(r.training for r in results.records(n))]
+    items = [
+        learning_figure(
+            results, f"learning-{i + 1}", f"Learning curves: {name}", "aoi/mean", [name]
+        )
+        for i, name in enumerate(trained)
+    ]
+    return Section("learning", "Learning curves", items=tuple(items))
+
+
+def cells_section(results: Results) -> Section:
+    """Scenarios and their hashes; what failed."""
+    scenarios: dict[str, tuple[str, ...]] = {}
+    for cell in results.cells:
+        record = cell.record
+        seeds = [str(r.seed) for r in results.records(cell.series, cell.axis)]
+        scenarios.setdefault(
+            f"{cell.series} {cell.axis:g}",
+            (
+                cell.series,
+                f"{cell.axis:g}",
+                record.scenario,
+                record.scenario_hash,
+                ", ".join(seeds),
+                f"{record.episodes}",
+                f"{record.training.env_steps:,}" if record.training else "–",
+            ),
+        )
+    items = [
+        Table(
+            key="cells",
+            title="What was run",
+            caption="The hash changes with whatever changes a result.",
+            command=results.command,
+            columns=(
+                "Series",
+                results.axis.label,
+                "Scenario",
+                "Hash",
+                "Seeds",
+                "Episodes",
+                "Environment steps",
+            ),
+            rows=tuple(scenarios.values()),
+            numeric=frozenset({1, 5, 6}),
+        )
+    ]
+    if results.failures:
+        items.append(
+            Table(
+                key="failures",
+                title="Cells that failed",
+                caption="The same command tries them again.",
+                command=results.command,
+                columns=("Series", results.axis.label, "Seed", "Why"),
+                rows=tuple(
+                    (f.series, f"{f.axis:g}", f"{f.seed}", f.error) for f in results.failures
+                ),
+                numeric=frozenset({1, 2}),
+            )
+        )
+    return Section("what-was-run", "What was run", items=tuple(items))
+
+
+def facts(results: Results) -> tuple[tuple[str, str], ...]:
+    """Machine, versions, dates, numbers of cells, and the time they took."""
+    records = [cell.record for cell in results.cells]
+    found = []
+    machines = Counter(tuple(sorted(record.machine.items())) for record in records)
+    for machine, count in machines.most_common():
+        values = dict(machine)
+        where = f"{values.pop('processor', '')}, {values.pop('cores', '?')} cores"
+        system = values.pop("system", "")
+        versions = ", ".join(f"{name} {number}" for name, number in values.items())
+        share = f" ({count} of {len(records)} cells)" if len(machines) > 1 else ""
+        found += [("Machine", f"{where}, {system}{share}"), ("Versions", versions)]
+    dates = sorted({record.date for record in records})
+    found.append(("Date", " to ".join(dict.fromkeys((dates[0], dates[-1]))) if dates else "–"))
+    trained = [record.training for record in records if record.training]
+    total = sum(training.seconds for training in trained)
+    cells = f"{len(records)}, of which {len(trained)} are trainings"
+    found.append(
+        ("Cells", cells + (f"; {len(results.failures)} failed" if results.failures else ""))
+    )
+    if trained:
+        found.append(("Training time", f"{duration(total)} of one thread"))
+    found.append(("Command", f"`{results.command}`"))
+    return tuple(found)

@@ -1,0 +1,228 @@
+"""Figures as PNG and SVG, by matplotlib. The same data give the same bytes."""
+
+from __future__ import annotations
+
+import io
+import math
+from typing import TYPE_CHECKING, Any
+
+from iout_marl.render import style
+from iout_marl.report import palette
+from iout_marl.report.content import Figure, Plot, Trajectory
+from iout_marl.report.series import Series, lay_out, ticks, x_limits, y_limits
+
+if TYPE_CHECKING:
+    import matplotlib.figure
+
+_DPI = 160
+_WIDTH_IN = 7.4
+_OPTIONS: Any = {
+    "svg.hashsalt": "iout",  # else identifiers in the SVG are drawn by lot
+    "svg.fonttype": "path",
+    "text.parse_math": False,  # a `$` is a dollar sign
+    "font.family": "DejaVu Sans",  # comes with matplotlib, so that it is there everywhere
+    "font.size": 9,
+    "text.color": style.INK,
+    "axes.labelcolor": style.INK,
+    "axes.edgecolor": style.MUTED,
+    "axes.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "xtick.color": style.MUTED,
+    "ytick.color": style.MUTED,
+    "xtick.labelcolor": style.INK,
+    "ytick.labelcolor": style.INK,
+    "grid.color": style.HAIRLINE,
+    "grid.linewidth": 0.7,
+}
+
+
+def draw(figure: Figure) -> dict[str, bytes]:
+    """A figure as files: `png` and `svg`."""
+    # matplotlib takes its time to load. Without pyplot, no figure needs closing.
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    with mpl.rc_context(_OPTIONS):
+        drawn = _draw_plot(figure) if isinstance(figure, Plot) else _draw_trajectory(figure)
+        png, svg = io.BytesIO(), io.BytesIO()
+        FigureCanvasAgg(drawn).print_figure(png, format="png", dpi=_DPI)
+        FigureCanvasSVG(drawn).print_figure(svg, format="svg", metadata={"Date": None})
+    return {"png": png.getvalue(), "svg": svg.getvalue()}
+
+
+def _draw_plot(plot: Plot) -> matplotlib.figure.Figure:
+    from matplotlib.figure import Figure as Canvas
+
+    entries = [line.name for line in plot.lines if line.in_legend]
+    columns = _legend_columns(entries)
+    rows = math.ceil(len(entries) / columns)
+    canvas = Canvas(figsize=(_WIDTH_IN, 3.9 + 0.2 * rows), layout="constrained", facecolor="white")
+    axes: Any = canvas.add_subplot()
+    series = lay_out(plot)
+    for one in series:
+        if plot.kind == "bars":
+            _draw_bars(axes, one)
+        else:
+            _draw_line(axes, one)
+    _set_axes(axes, plot)
+    if entries:
+        handles = [_legend_entry(plot, one) for one in series if one.line.in_legend]
+        canvas.legend(
+            handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=8.5
+        )
+    return canvas
+
+
+def _legend_columns(entries: list[str]) -> int:
+    longest = max(map(len, entries), default=0)
+    return max(1, min(len(entries), 100 // (longest + 8)))
+
+
+def _legend_entry(plot: Plot, series: Series) -> Any:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    if plot.kind == "bars":
+        return Patch(label=series.line.name, **_bar_look(series))
+    dashes: Any = (0, (4, 2)) if series.line.dashed else "-"
+    mark = palette.MARKS[series.mark][0]
+    return Line2D(
+        [], [], color=series.colour, linestyle=dashes, marker=mark, ms=4, label=series.line.name
+    )
+
+
+def _draw_line(axes: Any, series: Series) -> None:
+    axes.plot(
+        series.x,
+        series.y,
+        color=series.colour,
+        linestyle=(0, (4, 2)) if series.line.dashed else "-",
+        linewidth=1.5,
+        marker=palette.MARKS[series.mark][0],
+        markersize=4,
+        markevery=max(len(series.x) // 8, 1) if series.band else 1,
+        zorder=3,
+    )
+    for span in series.spans():
+        low, high = ([values[i] for i in span] for values in (series.low, series.high))
+        x = [series.x[i] for i in span]
+        if series.band and len(span) > 1:
+            axes.fill_between(x, low, high, color=series.colour, alpha=0.18, linewidth=0)
+        else:
+            _draw_error_bars(axes, series, span, series.colour)
+
+
+def _draw_error_bars(axes: Any, series: Series, span: list[int], colour: str) -> None:
+    # Bars from end to end: an interval need not hold its point.
+    for i in span:
+        ends = ([series.x[i]] * 2, [series.low[i], series.high[i]])
+        axes.plot(*ends, color=colour, linewidth=1.1, marker="_", markersize=5, zorder=4)
+
+
+def _draw_bars(axes: Any, series: Series) -> None:
+    heights = [0.0 if math.isnan(y) else y for y in series.y]
+    axes.bar(series.x, heights, width=series.width, zorder=2, **_bar_look(series))
+    for span in series.spans():
+        _draw_error_bars(axes, series, span, style.INK)
+
+
+def _bar_look(series: Series) -> dict[str, Any]:
+    # Hatched where lines would be dashed.
+    hatch = {"hatch": "///", "edgecolor": "white"} if series.line.dashed else {}
+    return {"facecolor": series.colour, "linewidth": 0, **hatch}
+
+
+def _set_axes(axes: Any, plot: Plot) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_xlabel(plot.x_label)
+    axes.set_ylabel(plot.y_label)
+    axes.grid(axis="y" if plot.categories else "both")
+    axes.spines[["top", "right"]].set_visible(False)
+    if plot.categories:
+        axes.set_xticks(*ticks(plot))
+    # Before the scales, which look for data where no limits are set.
+    for limits, set_limits in ((x_limits(plot), axes.set_xlim), (y_limits(plot), axes.set_ylim)):
+        if limits is not None:
+            set_limits(*limits)
+    for axis, logarithmic in (("x", plot.log_x and not plot.categories), ("y", plot.log_y)):
+        if not logarithmic:
+            continue
+        getattr(axes, f"set_{axis}scale")("log", nonpositive="clip")
+        ends = getattr(axes, f"get_{axis}lim")()
+        few = ends[1] / ends[0] < 100
+        ruler = getattr(axes, f"{axis}axis")
+        ruler.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+        # matplotlib's own powers of ten are formulas.
+        ruler.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
+        ruler.set_minor_formatter(NullFormatter())
+
+
+def _draw_trajectory(trajectory: Trajectory) -> matplotlib.figure.Figure:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LinearSegmentedColormap, Normalize
+    from matplotlib.figure import Figure as Canvas
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+    canvas = Canvas(figsize=(_WIDTH_IN, 4.9), facecolor="white")
+    axes: Any = canvas.add_axes((-0.02, 0.07, 0.9, 0.95), projection="3d")
+    slots = max(len(trajectory.path) - 1, 1)
+    colours = LinearSegmentedColormap.from_list("slots", palette.SLOTS)
+    shade = ScalarMappable(Normalize(0, slots), colours)
+
+    path = trajectory.path
+    steps = [path[i : i + 2] for i in range(len(path) - 1)]
+    axes.add_collection3d(
+        Line3DCollection(
+            steps, colors=colours([i / slots for i in range(len(steps))]), linewidths=1.8
+        )
+    )
+    marks = {"depthshade": False, "zorder": 5}
+    done = [
+        (cell, ok)
+        for cell, heard, ok in zip(path[1:], trajectory.heard, trajectory.delivered, strict=True)
+        if heard
+    ]
+    for ok, label, mark, colour, size in (
+        (True, "packet delivered", "o", palette.HEARD, 26),
+        (False, "packet lost", "x", palette.FAILED, 34),
+    ):
+        cells = [cell for cell, arrived in done if arrived == ok]
+        if cells:
+            axes.scatter(
+                *zip(*cells, strict=True), marker=mark, c=colour, s=size, label=label, **marks
+            )
+    # Open marks, since an episode often starts or ends at a node.
+    for cell, label, mark in ((path[0], "start", "o"), (path[-1], "end", "s")):
+        look = {"facecolor": "none", "edgecolor": style.INK, "linewidth": 1.3}
+        axes.scatter(*cell, marker=mark, s=150, label=label, **look, **marks)
+    if trajectory.nodes:
+        nodes = zip(*trajectory.nodes, strict=True)
+        axes.scatter(*nodes, marker="D", s=55, c=palette.NODE, label="node", **marks)
+    for number, (x, y, z) in enumerate(trajectory.nodes, start=1):
+        axes.text(x, y, z - 0.3, f" {number}", fontsize=10, fontweight="bold", zorder=6)
+
+    _set_space(axes, trajectory)
+    bar = canvas.colorbar(shade, cax=canvas.add_axes((0.9, 0.27, 0.018, 0.5)))
+    bar.set_label("slot")
+    bar.outline.set_visible(False)
+    canvas.legend(loc="lower center", ncols=5, frameon=False, fontsize=8.5)
+    return canvas
+
+
+def _set_space(axes: Any, trajectory: Trajectory) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    size = trajectory.grid
+    for axis, cells in zip("xyz", size, strict=True):
+        ends = (0.5, cells + 0.5) if axis != "z" else (cells + 0.5, 0.5)  # z is the depth
+        getattr(axes, f"set_{axis}lim")(*ends)
+        label = f"{'depth ' if axis == 'z' else ''}{axis}"
+        getattr(axes, f"set_{axis}label")(f"{label}, cells of {trajectory.spacing_m:g} m")
+        ruler = getattr(axes, f"{axis}axis")
+        ruler.set_major_locator(MaxNLocator(integer=True, nbins=6))
+        ruler.pane.set_facecolor("#f6f8fa")
+        ruler.pane.set_edgecolor(style.HAIRLINE)
+    axes.set_box_aspect([max(n / max(size), 0.45) for n in size], zoom=1.12)
+    axes.view_init(elev=24, azim=-58)

@@ -1,0 +1,34 @@
+"""The report as files: the page, and every figure as PNG, SVG and CSV."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from iout_marl.errors import InputError
+from iout_marl.files import write_atomically
+from iout_marl.report.content import Report, to_csv
+from iout_marl.report.page import render_page
+from iout_marl.report.static import draw
+
+
+def write_report(report: Report, folder: Path) -> None:
+    """Write `report.html` and `figures/KEY.{png,svg,csv}`.
+
+    Each file is replaced as a whole; the page, which links to the others, is the last.
+
+    Raises:
+        InputError: the folder can not be made or a file can not be written.
+        ValueError: two parts have the same key, or a key makes no file name.
+    """
+    pictures = {figure.key: draw(figure) for figure in report.figures()}
+    page = render_page(report, {key: files["svg"] for key, files in pictures.items()})
+    figures = folder / "figures"
+    try:
+        figures.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{figures}: can not be made: {error.strerror}") from None
+    for figure in report.figures():
+        for ending, data in pictures[figure.key].items():
+            write_atomically(figures / f"{figure.key}.{ending}", data)
+        write_atomically(figures / f"{figure.key}.csv", to_csv(figure.rows()).encode())
+    write_atomically(folder / "report.html", page.encode())

@@ -1,0 +1,158 @@
+"""From a study to its cells: one scenario, one policy, one seed each."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from iout_marl.errors import InputError
+from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario.layers import Layer, overrides_layer
+from iout_marl.study.schema import TRAINED, Group, Settings, Study
+from iout_marl.world import WORLD_VERSION
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of a study.
+
+    Attributes:
+        group, series: where the report shows it.
+        axis: its place on the study's axis.
+        scenario: the scenario, settings filled in.
+        policy: a baseline, or `ppo`.
+        seed: seeds the training, or a baseline's choices.
+        episodes: how many episodes it is judged by.
+    """
+
+    group: str
+    series: str
+    axis: float
+    scenario: Scenario
+    policy: str
+    seed: int
+    episodes: int
+
+    @property
+    def trains(self) -> bool:
+        """Whether a policy is trained."""
+        return self.policy == TRAINED
+
+    @property
+    def key(self) -> str:
+        """Name of its files: the same for cells that compute the same."""
+        identity = [self.scenario.hash, self.policy, self.seed, self.episodes, WORLD_VERSION]
+        digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:10]
+        name = re.sub(r"[^\w.-]+", "-", self.scenario.name)
+        return f"{name}-{self.policy}-s{self.seed}-{digest}"
+
+    @property
+    def cost(self) -> float:
+        """How long it takes, roughly, in environment steps."""
+        evaluation = self.episodes * self.scenario.num_slots
+        return evaluation + (self.scenario.training.steps if self.trains else 0)
+
+    def describe(self) -> str:
+        """In a few words."""
+        return f"{self.series}, {self.scenario.name}, seed {self.seed}"
+
+
+def expand(
+    study: Study, layer: Layer, overrides: Sequence[str] = (), *, quick: bool = False
+) -> list[Cell]:
+    """The cells of a study, group by group.
+
+    Args:
+        study: the study.
+        layer: where its keys were written.
+        overrides: `key=value` over every scenario.
+        quick: only what `quick` leaves of it.
+
+    Raises:
+        InputError: a scenario that is none, a setting that does not fit, an axis that is
+            no number, two cells that are the same, or no cell at all.
+    """
+    over = dict(_flat(overrides_layer(overrides).data))
+    cells = [
+        cell
+        for name, group in study.groups.items()
+        for cell in _expand_group(study, layer, name, group, over, quick=quick)
+    ]
+    if quick and study.quick.axis is not None:
+        cells = [cell for cell in cells if cell.axis in study.quick.axis]
+    if not cells:
+        where = layer.origin(("quick",) if quick else ("groups",))
+        raise InputError(f"{where}: the study has no cell" + (" left by --quick" if quick else ""))
+    places = Counter((cell.series, cell.axis, cell.seed) for cell in cells)
+    for cell in cells:
+        if places[cell.series, cell.axis, cell.seed] > 1:
+            where = layer.origin(("groups", cell.group, "series"))
+            raise InputError(
+                f"{where}: groups.{cell.group}: two cells of the series {cell.series!r} share "
+                f"the place {cell.axis:g} on the axis and the seed {cell.seed}; tell them apart "
+                "in `series` by {policy}, {variant} or a key of the grid"
+            )
+    return cells
+
+
+def _expand_group(
+    study: Study, layer: Layer, name: str, group: Group, overrides: Settings, *, quick: bool
+) -> Iterator[Cell]:
+    few = study.quick.seeds if quick else None
+    last = {**(study.quick.settings if quick else {}), **overrides}
+    points = itertools.product(enumerate(group.scenarios), group.variants.items(), _grid(group))
+    for (i, source), (variant, changes), point in points:
+        where = layer.origin(("groups", name, "scenarios", i))
+        try:
+            scenario = load_scenario(source, {**group.settings, **changes, **point, **last})
+        except InputError as error:
+            raise InputError(f"{where}: groups.{name}: {error}") from None
+        axis = _axis(scenario, study, layer)
+        for policy, seed in itertools.product(group.policies, group.seeds[:few]):
+            series = _series(group, where, name, {"policy": policy, "variant": variant, **point})
+            yield Cell(name, series, axis, scenario, policy, seed, group.episodes)
+
+
+def _grid(group: Group) -> Iterator[Settings]:
+    for values in itertools.product(*group.grid.values()):
+        yield dict(zip(group.grid, values, strict=True))
+
+
+def _series(group: Group, where: str, name: str, fields: Mapping[str, Any]) -> str:
+    def fill(match: re.Match[str]) -> str:
+        if match[1] not in fields:
+            known = ", ".join(f"{{{field}}}" for field in fields)
+            raise InputError(f"{where}: groups.{name}.series: unknown {match[0]} (known: {known})")
+        return str(fields[match[1]])
+
+    return re.sub(r"\{([^{}]*)\}", fill, group.series).strip()
+
+
+def _axis(scenario: Scenario, study: Study, layer: Layer) -> float:
+    counts = {"nodes.count": scenario.num_nodes, "auvs.count": scenario.num_auvs}
+    value: Any = counts.get(study.axis.key)
+    if value is None:
+        value = scenario.model_dump()
+        for key in study.axis.key.split("."):
+            value = value.get(key) if isinstance(value, dict) else None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        where = layer.origin(("axis", "key"))
+        raise InputError(
+            f"{where}: axis.key: {study.axis.key!r} is no number in {scenario.name}, but {value!r}"
+        )
+    return float(value)
+
+
+def _flat(data: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in data.items():
+        if isinstance(value, dict) and value:
+            yield from _flat(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}", value

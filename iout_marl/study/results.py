@@ -1,0 +1,322 @@
+"""What cells have computed: kept as JSON, read back, put together into intervals."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from iout_marl import machine
+from iout_marl.errors import InputError
+from iout_marl.evaluation import METRICS, Estimate
+from iout_marl.study.cells import Cell
+from iout_marl.study.schema import Axis, Study
+from iout_marl.world import WORLD_VERSION
+
+#: Changes whenever older files can no longer be read.
+FORMAT = 1
+#: Digits that are kept of a figure.
+DIGITS = 7
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Emissions(BaseModel):
+    """What a training took, by codecarbon."""
+
+    model_config = ConfigDict(frozen=True)
+
+    energy_kwh: float
+    co2_kg: float
+    codecarbon: str  # its version
+
+
+class TrainingRecord(BaseModel):
+    """A training: how long it took, and how it went.
+
+    `curve` has a list for each of `env_steps`, `aoi/mean`, `fairness/jain`,
+    `energy/harvested_kj` and `reward/total`, of the episodes of each rollout.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    env_steps: int
+    seconds: float
+    curve: dict[str, list[float]]
+    emissions: Emissions | None
+
+
+class Record(BaseModel):
+    """What a cell has computed.
+
+    `samples` has every metric of every episode; `episode` the first episode in full, of
+    policies that were trained (see `iout_marl.episode.Episode`).
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    key: str
+    scenario: str
+    scenario_hash: str
+    world_hash: str
+    duplex: str
+    nodes: int
+    auvs: int
+    policy: str
+    seed: int
+    episodes: int
+    samples: dict[str, list[float]]
+    training: TrainingRecord | None
+    episode: dict[str, Any] | None
+    machine: dict[str, str]
+    date: str
+
+    @classmethod
+    def of(
+        cls,
+        cell: Cell,
+        samples: dict[str, Any],
+        date: str,
+        training: TrainingRecord | None = None,
+        episode: dict[str, Any] | None = None,
+    ) -> Self:
+        """The record of a cell on this machine."""
+        scenario = cell.scenario
+        return cls(
+            key=cell.key,
+            scenario=scenario.name,
+            scenario_hash=scenario.hash,
+            world_hash=scenario.world_hash,
+            duplex=scenario.duplex.kind,
+            nodes=scenario.num_nodes,
+            auvs=scenario.num_auvs,
+            policy=cell.policy,
+            seed=cell.seed,
+            episodes=cell.episodes,
+            samples={name: rounded(samples[name]) for name in METRICS},
+            training=training,
+            episode=episode,
+            machine=machine.describe(),
+            date=date,
+        )
+
+    def mean(self, metric: str) -> float:
+        """A metric's mean over the episodes."""
+        return float(np.mean(self.samples[metric]))
+
+
+def rounded(values: Iterable[float]) -> list[float]:
+    """Plain numbers of `DIGITS` digits."""
+    return [float(f"{value:.{DIGITS}g}") for value in values]
+
+
+class CellResult(BaseModel):
+    """A record, and where the report shows it."""
+
+    model_config = ConfigDict(frozen=True)
+
+    group: str
+    series: str
+    axis: float
+    record: Record
+
+
+class Failure(BaseModel):
+    """A cell that failed."""
+
+    model_config = ConfigDict(frozen=True)
+
+    series: str
+    axis: float
+    seed: int
+    error: str
+
+
+@dataclass(frozen=True)
+class Measured:
+    """An estimate, and what its interval is of.
+
+    Attributes:
+        samples: the values behind it: the means of the seeds, or the episodes.
+        over: `seeds`, or `episodes` where there is only one seed.
+    """
+
+    samples: tuple[float, ...]
+    over: str
+
+    @property
+    def estimate(self) -> Estimate:
+        """Mean and 95 % interval (Student's t)."""
+        return Estimate.of(self.samples)
+
+    @property
+    def mean(self) -> float:
+        """The mean."""
+        return self.estimate.mean
+
+
+class Results(BaseModel):
+    """The results of a study."""
+
+    model_config = ConfigDict(frozen=True)
+
+    format: int = FORMAT
+    world_version: int = WORLD_VERSION
+    name: str
+    title: str
+    description: str
+    report: str
+    axis: Axis
+    carbon_g_per_kwh: float
+    quick: bool
+    command: str
+    cells: tuple[CellResult, ...]
+    failures: tuple[Failure, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        study: Study,
+        cells: Iterable[CellResult],
+        failures: Iterable[Failure],
+        command: str,
+        *,
+        quick: bool,
+    ) -> Self:
+        """The results of a study."""
+        return cls(
+            name=name,
+            title=study.title,
+            description=study.description,
+            report=study.report,
+            axis=study.axis,
+            carbon_g_per_kwh=study.carbon_g_per_kwh,
+            quick=quick,
+            command=command,
+            cells=tuple(cells),
+            failures=tuple(failures),
+        )
+
+    @property
+    def series(self) -> list[str]:
+        """Names of the series, in the study's order."""
+        return list(dict.fromkeys(cell.series for cell in self.cells))
+
+    def group_series(self, group: str) -> list[str]:
+        """Names of the series of one group."""
+        return list(dict.fromkeys(cell.series for cell in self.cells if cell.group == group))
+
+    def places(self, series: str | None = None) -> list[float]:
+        """Places on the axis, ascending, of one series or of all."""
+        return sorted({c.axis for c in self.cells if series is None or c.series == series})
+
+    def records(self, series: str, place: float | None = None) -> list[Record]:
+        """Records of a series, at one place on the axis or at all."""
+        return [
+            cell.record
+            for cell in self.cells
+            if cell.series == series and (place is None or cell.axis == place)
+        ]
+
+    def measured(self, series: str, place: float, metric: str) -> Measured | None:
+        """A metric of a series at a place; None where nothing was measured."""
+        records = self.records(series, place)
+        if not records:
+            return None
+        if len(records) > 1:
+            return Measured(tuple(record.mean(metric) for record in records), "seeds")
+        return Measured(tuple(records[0].samples[metric]), "episodes")
+
+    def to_json(self) -> str:
+        """As the text of a file."""
+        return json.dumps(self.model_dump(mode="json"), separators=(",", ":")) + "\n"
+
+    def to_csv(self) -> str:
+        """A row for every cell: means of its metrics, seconds and emissions."""
+        text = io.StringIO()
+        rows = csv.writer(text, lineterminator="\n")
+        place = ("group", "series", self.axis.key, "scenario", "scenario_hash", "policy", "seed")
+        cost = ("env_steps", "seconds", "energy_kwh", "co2_kg")
+        rows.writerow((*place, "episodes", *METRICS, *cost))
+        for cell in self.cells:
+            record = cell.record
+            training = record.training
+            emissions = training.emissions if training else None
+            rows.writerow(
+                (
+                    *(cell.group, cell.series, f"{cell.axis:g}", record.scenario),
+                    *(record.scenario_hash, record.policy, record.seed, record.episodes),
+                    *(f"{record.mean(metric):.{DIGITS}g}" for metric in METRICS),
+                    *((training.env_steps, training.seconds) if training else ("", "")),
+                    *((emissions.energy_kwh, emissions.co2_kg) if emissions else ("", "")),
+                )
+            )
+        return text.getvalue()
+
+
+def read_results(path: Path) -> Results:
+    """Read a file of results.
+
+    Raises:
+        InputError: it can not be read, is damaged, or of another version.
+    """
+    data = _read_json(path)
+    check_version(path, data)
+    return _validated(Results, path, data)
+
+
+def read_record(path: Path) -> Record:
+    """Read a file of a cell.
+
+    Raises:
+        InputError: as `read_results`.
+    """
+    data = _read_json(path)
+    check_version(path, data)
+    return _validated(Record, path, data.get("record"))
+
+
+def record_to_json(record: Record) -> str:
+    """A cell's record as the text of a file, with the versions that it is of."""
+    data = {"format": FORMAT, "world_version": WORLD_VERSION, "record": record.model_dump()}
+    return json.dumps(data, separators=(",", ":")) + "\n"
+
+
+def check_version(path: Path, data: Any) -> None:
+    """Refuse what another version of this software has written.
+
+    Raises:
+        InputError: it has.
+    """
+    found = (data.get("format"), data.get("world_version")) if isinstance(data, dict) else None
+    if found != (FORMAT, WORLD_VERSION):
+        raise InputError(
+            f"{path}: is of another version of this software: format and world version "
+            f"{found}, not {(FORMAT, WORLD_VERSION)}; name another folder by --out"
+        )
+
+
+def _read_json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: can not be read: {error.strerror}") from None
+    except ValueError:
+        raise InputError(f"{path}: can not be read: damaged, it is no JSON") from None
+
+
+def _validated(model: type[Model], path: Path, data: Any) -> Model:
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        problem = error.errors(include_url=False)[0]
+        where = ".".join(map(str, problem["loc"]))
+        raise InputError(f"{path}: can not be read: {where}: {problem['msg']}") from None

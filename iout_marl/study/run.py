@@ -1,0 +1,220 @@
+"""Runs a study in a folder: what is finished stays, what is missing is run.
+
+| file | holds |
+|---|---|
+| `study.json` | which study it is, and the versions that it is of |
+| `cells/KEY.json` | the record of a finished cell |
+| `runs/KEY/` | the run folder of a cell that trained |
+| `results.json`, `results.csv` | all cells together |
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from iout_marl.errors import InputError
+from iout_marl.files import write_atomically
+from iout_marl.study.cells import Cell
+from iout_marl.study.pools import Pool
+from iout_marl.study.results import (
+    FORMAT,
+    CellResult,
+    Failure,
+    Record,
+    Results,
+    check_version,
+    read_record,
+    read_results,
+    record_to_json,
+)
+from iout_marl.study.schema import Study
+from iout_marl.study.worker import Output, StoppedError
+from iout_marl.world import WORLD_VERSION
+
+
+@dataclass(frozen=True)
+class StudyFolder:
+    """The folder of a study."""
+
+    path: Path
+
+    @property
+    def results_path(self) -> Path:
+        """All results."""
+        return self.path / "results.json"
+
+    def open(self, name: str) -> None:
+        """Make the folder, or go on in it.
+
+        Args:
+            name: of the study.
+
+        Raises:
+            InputError: it holds something else, results of another version or of another
+                study, or can not be written. Nothing in it is changed then.
+        """
+        marker = self.path / "study.json"
+        try:
+            found = sorted(path.name for path in self.path.iterdir()) if self.path.exists() else []
+        except OSError as error:
+            raise InputError(f"{self.path}: can not be read: {error.strerror}") from None
+        if found and marker.name not in found:
+            raise InputError(
+                f"{self.path}: holds no study, but {found[0]}; name a new or empty folder by --out"
+            )
+        if found:
+            self._check(marker, name)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            (self.path / "cells").mkdir(exist_ok=True)
+            (self.path / "runs").mkdir(exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{self.path}: can not be written: {error.strerror}") from None
+        data = {"format": FORMAT, "world_version": WORLD_VERSION, "name": name}
+        write_atomically(marker, (json.dumps(data) + "\n").encode())
+
+    def _check(self, marker: Path, name: str) -> None:
+        try:
+            data = json.loads(marker.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            raise InputError(f"{marker}: can not be read: damaged, it is no JSON") from None
+        check_version(marker, data)
+        if data.get("name") != name:
+            raise InputError(
+                f"{self.path}: holds the study {data.get('name')!r}, not {name!r}; "
+                "name another folder by --out"
+            )
+        if self.results_path.exists():
+            read_results(self.results_path)
+
+    def record(self, cell: Cell) -> Record | None:
+        """What a cell has computed, if it is finished.
+
+        Raises:
+            InputError: its file is damaged or of another version.
+        """
+        path = self._cell_path(cell)
+        return read_record(path) if path.exists() else None
+
+    def keep(self, cell: Cell, output: Output) -> None:
+        """Write down what a cell has computed; it is finished from then on."""
+        run = self.path / "runs" / cell.key
+        if output.run:
+            run.mkdir(parents=True, exist_ok=True)
+            for leftover in run.iterdir():  # of a study that was killed while it wrote them
+                leftover.unlink()
+        for name, data in output.run.items():
+            write_atomically(run / name, data)
+        write_atomically(self._cell_path(cell), record_to_json(output.record).encode())
+
+    def _cell_path(self, cell: Cell) -> Path:
+        return self.path / "cells" / f"{cell.key}.json"
+
+
+def run_study(
+    name: str,
+    study: Study,
+    cells: Sequence[Cell],
+    folder: StudyFolder,
+    pool: Pool,
+    command: str,
+    *,
+    quick: bool = False,
+    console: Console | None = None,
+) -> Results:
+    """Run what is missing of a study, and put all of it together.
+
+    Args:
+        name: of the study.
+        study: the study.
+        cells: its cells.
+        folder: where it is kept; open.
+        pool: where cells run.
+        command: the command line that does this, for the report.
+        quick: whether this is the short form.
+        console: where the progress goes; standard error by default.
+
+    Returns:
+        the results, which are also in the folder.
+
+    Raises:
+        InputError: a finished cell can not be read, or one can not be written.
+    """
+    console = console or Console(stderr=True)
+    records = {cell.key: folder.record(cell) for cell in cells}
+    missing = list({c.key: c for c in cells if records[c.key] is None}.values())
+    # The longest first, so that no long one is left over for a single process at the end.
+    missing.sort(key=lambda cell: -cell.cost)
+    failures = []
+    if missing:
+        finished = len(records) - len(missing)
+        console.print(
+            f"{len(missing)} cells on {pool.describe()}"
+            + (f"; {finished} are there already" if finished else ""),
+            highlight=False,
+        )
+        with _Progress(console, finished, len(records)) as progress:
+            for cell, outcome in pool.run(missing, study.carbon_g_per_kwh):
+                if isinstance(outcome, StoppedError):
+                    raise KeyboardInterrupt
+                if isinstance(outcome, Exception):
+                    failures.append(_failure(cell, outcome))
+                    progress.tell(cell, f"FAILED: {failures[-1].error}")
+                    continue
+                folder.keep(cell, outcome)
+                records[cell.key] = outcome.record
+                progress.tell(cell, f"AoI {outcome.record.mean('mean_aoi'):.2f}")
+    done = [
+        CellResult(group=c.group, series=c.series, axis=c.axis, record=record)
+        for c in cells
+        if (record := records[c.key]) is not None
+    ]
+    results = Results.of(name, study, done, failures, command, quick=quick)
+    write_atomically(folder.results_path, results.to_json().encode())
+    write_atomically(folder.path / "results.csv", results.to_csv().encode())
+    return results
+
+
+def _failure(cell: Cell, error: Exception) -> Failure:
+    reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+    if not isinstance(error, InputError):
+        reason = f"{type(error).__name__}: {reason}"
+    return Failure(series=cell.series, axis=cell.axis, seed=cell.seed, error=reason)
+
+
+class _Progress:
+    """A bar in a terminal, a line for each cell elsewhere."""
+
+    def __init__(self, console: Console, finished: int, total: int) -> None:
+        self._console = console
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=None),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            console=console,
+            disable=not console.is_terminal,
+        )
+        self._task = self._bar.add_task("cells", total=total, completed=finished)
+        self._done, self._total = finished, total
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def tell(self, cell: Cell, what: str) -> None:
+        """A cell has ended."""
+        self._done += 1
+        self._bar.advance(self._task)
+        line = f"{self._done}/{self._total}  {cell.describe()}: {what}"
+        self._bar.console.print(line, highlight=False, markup=False)

@@ -1,0 +1,108 @@
+"""What a study's file may say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import Field, model_validator
+
+from iout_marl.errors import did_you_mean
+from iout_marl.policies import BASELINES
+from iout_marl.scenario.layers import Layer, read_file
+from iout_marl.scenario.loading import validate
+from iout_marl.scenario.schema import Count, NonNegative, Section, invalid
+from iout_marl.scenario.sources import find_study
+
+#: The policy that is trained, by the scenario's `training` section.
+TRAINED = "ppo"
+POLICIES = (*BASELINES, TRAINED)
+
+Settings: TypeAlias = dict[str, Any]
+Seed: TypeAlias = Annotated[int, Field(ge=0, lt=2**63)]
+
+
+def _as_is() -> dict[str, Settings]:
+    """One variant without a name, that changes nothing."""
+    return {"": {}}
+
+
+class Axis(Section):
+    """What the figures are drawn over."""
+
+    #: A key of the scenario, in dots, whose value is a number.
+    key: str = "nodes.count"
+    label: str = "Number of nodes K"
+
+
+class Quick(Section):
+    """What `--quick` leaves of the study."""
+
+    #: The values of the axis; null for all.
+    axis: Annotated[tuple[float, ...], Field(min_length=1, strict=False)] | None = None
+    #: How many seeds of each group, from its first.
+    seeds: Count | None = None
+    #: Dotted keys over those of every group.
+    settings: Settings = Field(default_factory=dict)
+
+
+class Group(Section):
+    """A grid of cells: scenarios × variants × grid × policies × seeds."""
+
+    #: What the report calls them, `{policy}`, `{variant}` and the keys of `grid` filled in.
+    series: str = "{policy}"
+    scenarios: Annotated[tuple[str, ...], Field(min_length=1, strict=False)]
+    policies: Annotated[tuple[str, ...], Field(min_length=1, strict=False)]
+    seeds: Annotated[tuple[Seed, ...], Field(min_length=1, strict=False)] = (0,)
+    #: Episodes in which each policy is evaluated.
+    episodes: Count = 100
+    #: Dotted keys over every scenario.
+    settings: Settings = Field(default_factory=dict)
+    #: Dotted keys over every scenario, by the name of the variant.
+    variants: Annotated[dict[str, Settings], Field(min_length=1)] = Field(default_factory=_as_is)
+    #: Values of dotted keys, every combination of which is a cell.
+    grid: dict[str, list[Any]] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _check(self) -> Group:
+        for i, policy in enumerate(self.policies):
+            if policy not in POLICIES:
+                hint = did_you_mean(policy, POLICIES)
+                raise invalid(("policies", i), f"unknown policy {policy!r}{hint}")
+        for key, values in self.grid.items():
+            if not values:
+                raise invalid(("grid", key), "is empty: give at least one value")
+        for name in ("policies", "seeds"):
+            if len(set(getattr(self, name))) < len(getattr(self, name)):
+                raise invalid((name,), "lists the same value twice")
+        return self
+
+
+class Study(Section):
+    """A study: groups of cells, and how they are reported."""
+
+    title: str
+    description: str = ""
+    #: `paper` answers the paper's claims, `plain` shows every series over the axis.
+    report: Literal["paper", "plain"] = "plain"
+    axis: Axis = Axis()
+    quick: Quick = Quick()
+    #: Carbon intensity of the electricity, in g of CO2 for a kWh; codecarbon's of the world.
+    carbon_g_per_kwh: NonNegative = 475.0
+    groups: Annotated[dict[str, Group], Field(min_length=1)]
+
+
+def load_study(source: str | Path) -> tuple[Study, Layer]:
+    """Load and check a study.
+
+    Args:
+        source: the name of a bundled study, or a path to a YAML file.
+
+    Returns:
+        the study, and the layer that knows where each of its keys was written.
+
+    Raises:
+        InputError: one line with file, line, key and what was meant.
+    """
+    layer = read_file(find_study(source))
+    return validate(Study, layer), layer

@@ -1,0 +1,96 @@
+"""Runs one cell, wherever that is: in a process beside this one or far away."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from iout_marl.episode import record_episode
+from iout_marl.evaluation import evaluate
+from iout_marl.study.cells import Cell
+from iout_marl.study.emissions import measured
+from iout_marl.study.results import Record, TrainingRecord, rounded
+from iout_marl.world import pin_layout
+
+#: What of a training's log goes into the report, and at how many points at most.
+CURVES = ("aoi/mean", "fairness/jain", "energy/harvested_kj", "reward/total")
+CURVE_POINTS = 60
+#: Of a run's folder, what only serves to go on with an unfinished training.
+LEFT_OUT = ("checkpoint.pt",)
+
+
+class StoppedError(Exception):
+    """A training was told to stop."""
+
+
+@dataclass(frozen=True)
+class Output:
+    """What comes back from a cell.
+
+    Attributes:
+        record: its figures.
+        run: the files of the run's folder, of cells that train.
+    """
+
+    record: Record
+    run: dict[str, bytes]
+
+
+def run_cell(cell: Cell, carbon_g_per_kwh: float) -> Output:
+    """Run a cell on one thread, and touch nothing but a temporary folder."""
+    if cell.trains:
+        return _train(cell, carbon_g_per_kwh)
+    scenario = pin_layout(cell.scenario, cell.seed)
+    evaluation = evaluate(scenario, cell.policy, cell.episodes, cell.seed)
+    return Output(Record.of(cell, evaluation.samples, _today()), {})
+
+
+def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
+    import torch
+    from rich.console import Console
+
+    import trainers
+
+    # As many cells as cores run side by side.
+    torch.set_num_threads(1)
+    with tempfile.TemporaryDirectory(prefix="iout-") as folder:
+        outcome, emissions = measured(
+            lambda: trainers.train(
+                cell.scenario,
+                Path(folder) / "run",
+                cell.seed,
+                console=Console(quiet=True),
+                evaluation_episodes=cell.episodes,
+            ),
+            carbon_g_per_kwh,
+        )
+        if outcome.evaluation is None:
+            raise StoppedError(cell.key)
+        training = TrainingRecord(
+            env_steps=outcome.trainer.env_steps,
+            seconds=round(outcome.seconds, 3),
+            curve=_curve(outcome.run.metrics_path),
+            emissions=emissions,
+        )
+        episode = record_episode(outcome.trainer.scenario, outcome.run.load_policy()).to_json()
+        record = Record.of(cell, outcome.evaluation.samples, _today(), training, episode)
+        files = [path for path in outcome.run.path.iterdir() if path.name not in LEFT_OUT]
+        return Output(record, {path.name: path.read_bytes() for path in files})
+
+
+def _curve(path: Path) -> dict[str, list[float]]:
+    """The log of a training, thinned; rollouts in which no episode ended are left out."""
+    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    lines = [line for line in lines if "aoi/mean" in line]
+    every = -(-len(lines) // CURVE_POINTS) or 1
+    kept = lines[every - 1 :: every]
+    if lines and kept[-1:] != lines[-1:]:
+        kept.append(lines[-1])
+    return {name: rounded(line[name] for line in kept) for name in ("env_steps", *CURVES)}
+
+
+def _today() -> str:
+    return dt.datetime.now(dt.UTC).date().isoformat()

@@ -1,0 +1,301 @@
+"""Figures as files and for the page: the values of the data, and the same bytes every time."""
+
+import csv
+import io
+import json
+import math
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from html import escape
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from PIL import Image
+from report_sample import BARS, FIGURES, LOG, LOG_BARS, NODES, SAMPLE, TRAINING, TRAJECTORY
+
+from iout_marl.errors import InputError
+from iout_marl.report import palette
+from iout_marl.report.content import Line, Report, Section, to_csv
+from iout_marl.report.interactive import plotly_json
+from iout_marl.report.page import render_page
+from iout_marl.report.series import lay_out, ticks, y_limits
+from iout_marl.report.static import draw
+from iout_marl.report.writer import write_report
+
+each_figure = pytest.mark.parametrize("figure", FIGURES, ids=lambda figure: figure.key)
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    return {figure.key: draw(figure) for figure in FIGURES}
+
+
+def traces(figure, **wanted):
+    """The traces of an interactive figure that have these values."""
+    data = json.loads(plotly_json(figure))["data"]
+    return [t for t in data if all(t.get(key) == value for key, value in wanted.items())]
+
+
+def layout(figure):
+    return json.loads(plotly_json(figure))["layout"]
+
+
+# ---- static
+
+
+@each_figure
+def test_pictures_are_whole(figure, pictures):
+    image = Image.open(io.BytesIO(pictures[figure.key]["png"]))
+    assert image.width > 1000
+    pixels = np.asarray(image.convert("RGB"))
+    assert (pixels[0] == 255).all(), "something runs over the edge"
+    assert (pixels < 250).any(axis=2).mean() > 0.01, "nothing is drawn"
+    root = ET.fromstring(pictures[figure.key]["svg"])
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+
+
+@each_figure
+def test_same_data_give_same_bytes(figure, pictures):
+    again = draw(figure)
+    assert again == pictures[figure.key]
+    assert not re.search(rb"<dc:date>|20\d\d-\d\d-\d\d", again["svg"])
+
+
+def test_other_data_give_other_pictures(pictures):
+    moved = replace(NODES, lines=(replace(NODES.lines[0], y=(9, 10, 11, 12)), *NODES.lines[1:]))
+    assert draw(moved)["png"] != pictures[NODES.key]["png"]
+
+
+def test_pictures_leave_settings_of_matplotlib_alone():
+    import matplotlib as mpl
+
+    before = dict(mpl.rcParams)
+    draw(BARS)
+    assert dict(mpl.rcParams) == before
+
+
+def test_dollar_signs_are_no_formulas():
+    draw(replace(BARS, x_label="price in $", y_label=r"a $\broken formula", lines=BARS.lines))
+
+
+@pytest.mark.parametrize("kind", ["lines", "bars"])
+def test_plot_of_one_point_or_none_is_drawn(kind):
+    for lines in ((), (Line("alone", (3,), (1.0,)),), (Line("unknown", (3,), (math.nan,)),)):
+        for log in (False, True):
+            plot = replace(BARS, kind=kind, lines=lines, log_y=log, log_x=log, categories=not log)
+            assert draw(plot)["png"]
+            json.loads(plotly_json(plot))
+
+
+# ---- laid out
+
+
+def test_categories_are_equally_spaced_whatever_their_values():
+    assert ticks(NODES) == ([0.0, 1.0, 2.0, 3.0], ["3", "5", "7", "10"])
+    for one in lay_out(NODES):
+        assert np.diff(one.x) == pytest.approx(1)
+        assert abs(one.x[0]) < 0.2
+
+
+def test_bars_of_a_group_stand_beside_one_another():
+    edges = [(one.x[1] - one.width / 2, one.x[1] + one.width / 2) for one in lay_out(BARS)]
+    assert all(left[1] < right[0] for left, right in pairwise(edges))
+    assert edges[0][0] > 0.5
+    assert edges[-1][1] < 1.5
+
+
+def test_band_breaks_where_intervals_are_missing():
+    fdd, tdd, *_ = lay_out(TRAINING)
+    assert fdd.spans() == [list(range(60))]
+    assert tdd.spans() == [list(range(20)), list(range(23, 40)), list(range(41, 60))]
+    assert fdd.band
+    assert not any(one.band for one in lay_out(NODES))
+
+
+def test_intervals_on_a_logarithmic_axis_stay_above_zero():
+    first, dashed, _ = lay_out(LOG)
+    assert min(first.low) == 1e-6
+    assert first.y == LOG.lines[0].y
+    assert math.isnan(dashed.y[2]), "0 has no place on the axis"
+
+
+def test_bars_on_a_logarithmic_axis_stand_on_a_power_of_ten():
+    foot, top = y_limits(LOG_BARS)
+    assert foot == pytest.approx(100)
+    assert top > 210_000
+
+
+# ---- interactive
+
+
+def test_lines_have_the_values_of_the_data():
+    for line in TRAINING.lines:
+        name = escape(line.name, quote=False)  # Plotly reads markup
+        (trace,) = traces(TRAINING, name=name, mode="lines+markers")
+        assert trace["x"] == pytest.approx(line.x)
+        assert trace["y"] == pytest.approx(line.y)
+        assert trace["line"]["dash"] == ("dash" if line.dashed else "solid")
+
+
+def test_error_bars_end_where_intervals_do():
+    for line in NODES.lines:
+        (trace,) = traces(NODES, name=line.name)
+        bars = trace["error_y"]
+        for i in range(3):
+            assert line.y[i] + bars["array"][i] == pytest.approx(line.high[i])
+            assert line.y[i] - bars["arrayminus"][i] == pytest.approx(line.low[i])
+        assert bars["array"][3] == bars["arrayminus"][3] == "none"
+
+
+def test_pointing_tells_value_and_interval():
+    (trace,) = traces(NODES, name="PPO, FDD")
+    assert trace["customdata"][0] == ["3", "8  [7.1, 8.9]"]
+    assert trace["customdata"][3] == ["10", "14.3"]
+    assert "number of nodes K" in trace["hovertemplate"]
+
+
+def test_logarithmic_axes_are_so_in_both_directions():
+    axes = layout(LOG)
+    assert axes["xaxis"]["type"] == axes["yaxis"]["type"] == "log"
+    assert axes["xaxis"]["range"] == pytest.approx([0, math.log10(2000)])
+    assert "type" not in layout(NODES)["yaxis"]
+    assert layout(NODES)["yaxis"]["range"] == [0, 40]
+
+
+def test_lines_of_one_name_share_colour_and_entry_of_the_legend():
+    first, second = traces(LOG, name="measured in a basin")
+    assert first["line"]["color"] == second["line"]["color"] == palette.colour(4)
+    assert first["legendgroup"] == second["legendgroup"]
+    assert [first["showlegend"], second["showlegend"]] == [True, False]
+
+
+@each_figure
+def test_ground_is_the_pages(figure):
+    assert layout(figure)["paper_bgcolor"] == "rgba(0,0,0,0)"
+    assert len(json.dumps(layout(figure)["template"])) < 200, "defaults of Plotly have colours"
+
+
+def test_trajectory_has_path_nodes_and_what_was_charged_and_heard():
+    (path,) = traces(TRAJECTORY, mode="lines", showlegend=False)
+    assert list(zip(path["x"], path["y"], path["z"], strict=True)) == list(TRAJECTORY.path)
+    assert path["line"]["color"] == list(range(121))
+    (nodes,) = traces(TRAJECTORY, name="nodes")
+    assert list(zip(nodes["x"], nodes["y"], nodes["z"], strict=True)) == list(TRAJECTORY.nodes)
+    assert nodes["text"] == ["1", "2", "3", "4"]
+
+    slots = list(zip(TRAJECTORY.path[1:], TRAJECTORY.heard, TRAJECTORY.delivered, strict=True))
+    for name, arrived, colour in (
+        ("heard, packet delivered", True, palette.HEARD),
+        ("heard, packet lost", False, palette.FAILED),
+    ):
+        (links,) = traces(TRAJECTORY, name=name)
+        places = list(zip(links["x"], links["y"], links["z"], strict=True))
+        found = set(zip(places[::3], places[1::3], strict=True))
+        assert found == {
+            (cell, TRAJECTORY.nodes[node - 1]) for cell, node, ok in slots if node and ok == arrived
+        }
+        assert links["line"]["color"] == colour
+    assert traces(TRAJECTORY, name="charged")[0]["line"]["color"] == palette.CHARGED
+
+
+def test_pointing_at_a_cell_tells_slot_doings_and_ages():
+    (cells,) = traces(TRAJECTORY, name="path of the AUV")
+    told = "\n".join(cells["text"])
+    slot = next(i for i, node in enumerate(TRAJECTORY.heard) if node)
+    ages = " ".join(map(str, TRAJECTORY.ages[slot]))
+    arrived = "delivered" if TRAJECTORY.delivered[slot] else "lost"
+    doing = f"hears node {TRAJECTORY.heard[slot]}: packet {arrived}"
+    assert f"<b>slot {slot + 1}</b>: {doing}<br>   ages {ages}" in told
+
+
+def test_depth_grows_downwards():
+    assert layout(TRAJECTORY)["scene"]["zaxis"]["range"] == [5.5, 0.5]
+
+
+# ---- colours
+
+
+def luminance(colour):
+    parts = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    red, green, blue = (p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+@pytest.mark.parametrize("colour", [*palette.COLOURS, *palette.SLOTS])
+def test_colours_are_seen_on_light_and_on_dark(colour):
+    assert 1.05 / (luminance(colour) + 0.05) >= 2.7
+    assert (luminance(colour) + 0.05) / (luminance("#12171d") + 0.05) >= 3
+
+
+def test_many_lines_are_told_apart():
+    lines = tuple(Line(str(i), (1,), (1.0,)) for i in range(40))
+    looks = {(one.colour, one.mark) for one in lay_out(replace(NODES, lines=lines))}
+    assert len(looks) == 40
+
+
+# ---- files
+
+
+def test_report_is_written_with_every_figure(tmp_path, pictures):
+    write_report(SAMPLE, tmp_path / "new" / "folder")
+    folder = tmp_path / "new" / "folder"
+    names = {f"{figure.key}.{ending}" for figure in FIGURES for ending in ("png", "svg", "csv")}
+    assert {path.name for path in (folder / "figures").iterdir()} == names
+    assert {path.name for path in folder.iterdir()} == {"figures", "report.html"}
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    for name in names:
+        assert f'href="figures/{name}"' in page
+    for figure in FIGURES:
+        assert (folder / "figures" / f"{figure.key}.svg").read_bytes() == pictures[figure.key][
+            "svg"
+        ]
+
+
+@each_figure
+def test_csv_has_the_values_of_the_data(figure):
+    head, *rows = csv.reader(io.StringIO(to_csv(figure.rows())))
+    if figure is TRAJECTORY:
+        assert len(rows) == 120
+        assert tuple(map(int, rows[7][1:4])) == figure.path[8]
+        assert tuple(map(int, rows[7][7:])) == figure.ages[7]
+        return
+    assert head == ["series", figure.x_label, figure.y_label, "ci95_low", "ci95_high"]
+    expected = [
+        (line.name, x, y) for line in figure.lines for x, y in zip(line.x, line.y, strict=True)
+    ]
+    assert [(name, float(x), float(y)) for name, x, y, _, _ in rows] == expected
+
+
+def test_folder_that_can_not_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    report = Report("Empty", (), (), ())
+    with pytest.raises(InputError, match=r"file/figures: can not be made: Not a directory$"):
+        write_report(report, tmp_path / "file")
+
+
+# ---- page
+
+
+def test_page_of_no_figure_has_no_plotly():
+    assert len(render_page(Report("Empty", ("Nothing.",), (), ()))) < 40_000
+
+
+def test_texts_are_escaped_and_backticks_are_code():
+    paragraph = "`a < b` & <script>alert(1)</script> ` alone"
+    report = Report("<T>", (), (("`k`", "<v>"),), (Section("s", "A & `b`", (paragraph,)),))
+    page = render_page(report)
+    assert "<code>a &lt; b</code> &amp; &lt;script&gt;alert(1)&lt;/script&gt; ` alone" in page
+    assert "<h1>&lt;T&gt;</h1>" in page
+    assert "A &amp; <code>b</code></a></h2>" in page
+    assert "<dt><code>k</code></dt><dd>&lt;v&gt;</dd>" in page
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"), [(("a", "a"), "'a' is the key of 2 parts"), (("a b",), "'a b' is no key")]
+)
+def test_keys_must_be_names_and_unique(keys, message):
+    report = Report("T", (), (), tuple(Section(key, key) for key in keys))
+    with pytest.raises(ValueError, match=message):
+        render_page(report)

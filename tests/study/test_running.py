@@ -1,0 +1,187 @@
+"""Running a study: what is kept, what is run again, what fails alone."""
+
+import json
+
+import pytest
+from rich.console import Console
+from tiny_study import DeadlyProcesses, SameProcess, write_study
+
+from iout_marl import InputError, evaluate
+from iout_marl.episode import Episode
+from iout_marl.study import Results, expand, load_study, run_study
+from iout_marl.study.pools import LocalProcesses
+from iout_marl.study.results import read_results
+from iout_marl.study.run import StudyFolder
+from trainers import RunFolder
+
+QUIET = Console(quiet=True)
+
+
+@pytest.fixture
+def study(tmp_path):
+    return load_study(write_study(tmp_path / "tiny.yaml"))
+
+
+@pytest.fixture
+def run(study, tmp_path):
+    """Runs the tiny study in tmp_path/out."""
+
+    def runner(pool=None, cells=None, **options):
+        folder = StudyFolder(tmp_path / "out")
+        folder.open("tiny")
+        return run_study(
+            "tiny",
+            study[0],
+            expand(*study) if cells is None else cells,
+            folder,
+            pool or SameProcess(),
+            "iout reproduce",
+            console=QUIET,
+            **options,
+        )
+
+    return runner
+
+
+def test_every_cell_gives_its_record_and_the_folder_holds_all_of_it(run, study, tmp_path):
+    results = run()
+    cells = expand(*study)
+    assert [c.record.key for c in results.cells] == [c.key for c in cells]
+    assert results == read_results(tmp_path / "out" / "results.json")
+    rows = (tmp_path / "out" / "results.csv").read_text().splitlines()
+    assert len(rows) == 1 + len(cells)
+    assert len({len(row.split(",")) for row in rows if '"' not in row}) == 1
+
+
+def test_a_baseline_cell_says_what_evaluate_says(run, study):
+    results = run()
+    cell = expand(*study)[0]
+    expected = evaluate(cell.scenario, "greedy", episodes=3, seed=7)
+    record = results.cells[0].record
+    assert record.samples["mean_aoi"] == pytest.approx(expected.samples["mean_aoi"], rel=1e-6)
+    assert record.training is None
+    assert record.scenario_hash == expected.scenario_hash
+
+
+def test_a_trained_cell_keeps_its_run_its_curve_and_an_episode(run, study, tmp_path):
+    results = run()
+    cell = next(c for c in expand(*study) if c.trains)
+    record = next(c.record for c in results.cells if c.record.key == cell.key)
+    policy = RunFolder(tmp_path / "out" / "runs" / cell.key).load_policy()
+    again = evaluate(cell.scenario, policy, episodes=1)
+    assert record.samples["mean_aoi"] == pytest.approx(again.samples["mean_aoi"], rel=1e-6)
+    assert record.training.env_steps == 560
+    assert record.training.seconds > 0
+    assert record.training.curve["env_steps"][-1] == 560
+    assert len({len(values) for values in record.training.curve.values()}) == 1
+    episode = Episode(**record.episode)
+    assert len(episode.delivered) == 20
+    ages = [sum(slot) / len(slot) for slot in episode.ages]
+    assert sum(ages) / 20 == pytest.approx(record.mean("mean_aoi"), rel=1e-6)
+
+
+def test_a_stopped_study_goes_on_from_its_last_finished_cell(run):
+    stopped = SameProcess(stop_after=3)
+    with pytest.raises(KeyboardInterrupt):
+        run(stopped)
+    rest = SameProcess()
+    results = run(rest)
+    assert len(results.cells) == 6
+    assert len(rest.ran) == 3
+    assert not set(rest.ran) & set(stopped.ran)
+    assert run(SameProcess(stop_after=0)) == results
+
+
+def test_cells_that_compute_the_same_are_run_once(run, study):
+    cells = expand(*study)
+    twin = [*cells, *(type(c)("twin", "twin", *list(vars(c).values())[2:]) for c in cells[:2])]
+    pool = SameProcess()
+    results = run(pool, twin)
+    assert len(pool.ran) == 6
+    assert len(results.cells) == 8
+
+
+def test_a_failed_cell_is_reported_and_tried_again_and_stops_nothing(run, study):
+    broken = expand(*study)[2]
+    results = run(SameProcess({broken.key: ValueError("broken\nfor good")}))
+    assert len(results.cells) == 5
+    (failure,) = results.failures
+    assert (failure.series, failure.axis, failure.seed) == ("ppo, paper", 2, 0)
+    assert failure.error == "ValueError: broken"
+    again = SameProcess()
+    assert run(again).failures == ()
+    assert again.ran == [broken.key]
+
+
+def test_the_longest_cells_come_first(run):
+    pool = SameProcess()
+    run(pool)
+    assert ["-ppo-" in key for key in pool.ran] == [True] * 4 + [False] * 2
+
+
+def test_processes_give_what_one_process_gives(run, study, tmp_path):
+    cells = expand(*study)
+    here = run(SameProcess(), cells)
+    (tmp_path / "out").rename(tmp_path / "first")
+    there = run(LocalProcesses(2), cells)
+    for a, b in zip(here.cells, there.cells, strict=True):
+        assert a.record.samples == b.record.samples
+        assert a.record.episode == b.record.episode
+
+
+def test_a_cell_that_kills_its_process_fails_alone(run):
+    results = run(DeadlyProcesses(2))
+    assert {(f.series, f.seed) for f in results.failures} == {("ppo, paper", 1), ("ppo, no age", 1)}
+    assert all("its process died" in f.error for f in results.failures)
+    assert len(results.cells) == 4
+
+
+def test_a_folder_of_something_else_is_left_as_it_is(tmp_path):
+    (tmp_path / "thesis.tex").write_text("all of it")
+    with pytest.raises(InputError, match=r"holds no study, but thesis\.tex"):
+        StudyFolder(tmp_path).open("tiny")
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_folder_of_another_study_is_refused(run, tmp_path):
+    run(cells=[])
+    with pytest.raises(InputError, match="holds the study 'tiny', not 'paper'"):
+        StudyFolder(tmp_path / "out").open("paper")
+
+
+@pytest.mark.parametrize("name", ["study.json", "results.json"])
+def test_what_another_version_has_written_is_not_touched(run, tmp_path, name):
+    run()
+    path = tmp_path / "out" / name
+    path.write_text(json.dumps({**json.loads(path.read_text()), "world_version": -1}))
+    before = {p: p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()}
+    with pytest.raises(InputError, match=rf"{name}: is of another version of this software"):
+        run()
+    assert before == {p: p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()}
+
+
+def test_a_cell_of_another_version_is_refused(run, study, tmp_path):
+    run()
+    path = tmp_path / "out" / "cells" / f"{expand(*study)[0].key}.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "format": 0}))
+    with pytest.raises(InputError, match="is of another version"):
+        run()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "damaged, it is no JSON"),
+        ('{"format": 1, "world_version": 0}', "can not be read: name: Field required"),
+    ],
+)
+def test_damaged_results_are_told_in_one_line(tmp_path, text, message):
+    path = tmp_path / "results.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_results(path)
+
+
+def test_results_come_back_as_they_were_written(run):
+    results = run()
+    assert Results.model_validate_json(results.to_json()) == results

@@ -1,0 +1,164 @@
+"""What a study's file may say, and how a mistake in it is told."""
+
+import pytest
+from tiny_study import STUDY, write_study
+
+from iout_marl import InputError
+from iout_marl.study import expand, load_study
+
+
+def cells_of(path, overrides=(), *, quick=False):
+    return expand(*load_study(path), overrides, quick=quick)
+
+
+def changed(group, **changes):
+    return {"groups": {**STUDY["groups"], group: {**STUDY["groups"][group], **changes}}}
+
+
+def test_cells_are_the_product_of_scenarios_variants_grid_policies_and_seeds(tmp_path):
+    cells = cells_of(write_study(tmp_path / "study.yaml"))
+    places = [(c.group, c.series, c.axis, c.seed, c.episodes) for c in cells]
+    assert places == [
+        ("baseline", "greedy", 1, 7, 3),
+        ("baseline", "greedy", 2, 7, 3),
+        ("trained", "ppo, paper", 2, 0, 1),
+        ("trained", "ppo, paper", 2, 1, 1),
+        ("trained", "ppo, no age", 2, 0, 1),
+        ("trained", "ppo, no age", 2, 1, 1),
+    ]
+    assert [c.scenario.reward.age_weight for c in cells if c.trains] == [1, 1, 0, 0]
+    assert len({c.key for c in cells}) == len(cells)
+
+
+def test_quick_keeps_its_values_of_the_axis_and_its_number_of_seeds(tmp_path):
+    cells = cells_of(write_study(tmp_path / "study.yaml"), quick=True)
+    assert [(c.series, c.axis, c.seed) for c in cells] == [
+        ("greedy", 2, 7),
+        ("ppo, paper", 2, 0),
+        ("ppo, no age", 2, 0),
+    ]
+
+
+def test_quick_settings_lie_over_those_of_the_groups_and_overrides_over_all(tmp_path):
+    quick = {"settings": {"training.steps": 240}}
+    path = write_study(tmp_path / "study.yaml", quick=quick)
+    assert {c.scenario.training.steps for c in cells_of(path)} == {560}
+    assert {c.scenario.training.steps for c in cells_of(path, quick=True)} == {240}
+    over = cells_of(path, ["training.steps=320"], quick=True)
+    assert {c.scenario.training.steps for c in over} == {320}
+
+
+def test_the_axis_may_be_any_number_of_the_scenario(tmp_path):
+    axis = {"key": "reward.age_weight", "label": "w"}
+    cells = cells_of(
+        write_study(tmp_path / "study.yaml", axis=axis, groups={"t": STUDY["groups"]["trained"]})
+    )
+    assert [c.axis for c in cells] == [1, 1, 0, 0]
+
+
+def test_a_cell_keeps_its_key_when_the_study_around_it_changes(tmp_path):
+    before = {c.key for c in cells_of(write_study(tmp_path / "a.yaml"))}
+    more = changed("trained", seeds=[0, 1, 2])
+    after = {c.key for c in cells_of(write_study(tmp_path / "b.yaml", title="Another", **more))}
+    assert before < after
+    episodes = changed("baseline", episodes=4)
+    assert before - {c.key for c in cells_of(write_study(tmp_path / "c.yaml", **episodes))}
+
+
+def test_the_paper_study_has_every_cell_of_the_paper():
+    cells = cells_of("paper")
+    assert {c.axis for c in cells} == {3, 5, 7, 10}
+    for series, seeds in (("PPO-TDD", 3), ("PPO-FDD", 3), ("greedy", 1), ("random-walk", 1)):
+        assert sum(c.series == series for c in cells) == 4 * seeds
+    episodes = {c.episodes for c in cells if c.policy == "round-robin"}
+    assert episodes == {100}
+    terms = {c.series for c in cells if c.group.startswith("terms")}
+    assert len(terms) == 8
+
+
+def test_the_paper_study_without_a_term_differs_from_it_in_that_term_alone():
+    cells = cells_of("paper")
+    for mode in ("tdd", "fdd"):
+        whole = next(c for c in cells if c.group == mode and c.axis == 10).scenario
+        for cell in cells:
+            if cell.group == f"terms-{mode}":
+                changed = {
+                    key
+                    for key, value in cell.scenario.reward.model_dump().items()
+                    if value != getattr(whole.reward, key)
+                }
+                assert changed
+                assert all(getattr(cell.scenario.reward, key) == 0 for key in changed)
+                assert cell.scenario.world_hash == whole.world_hash
+
+
+def test_the_quick_paper_study_is_one_seed_of_3_and_10_nodes():
+    cells = cells_of("paper", quick=True)
+    assert {c.axis for c in cells} == {3, 10}
+    assert {c.seed for c in cells} == {0}
+
+
+MISTAKES = {
+    "unknown policy": (
+        changed("trained", policies=["pppo"]),
+        r"groups\.trained\.policies\[0\]: unknown policy 'pppo'; did you mean 'ppo'\?",
+    ),
+    "empty grid": (
+        changed("baseline", grid={"nodes.count": []}),
+        r"groups\.baseline\.grid\.nodes\.count: is empty",
+    ),
+    "no groups": ({"groups": {}}, r"groups: .*at least 1"),
+    "no scenarios": (changed("baseline", scenarios=[]), r"scenarios: must list at least 1"),
+    "no policies": (changed("baseline", policies=[]), r"policies: must list at least 1"),
+    "no seeds": (changed("baseline", seeds=[]), r"seeds: must list at least 1"),
+    "no variants": (changed("baseline", variants={}), r"variants: .*at least 1"),
+    "twice the same seed": (changed("trained", seeds=[1, 1]), "seeds: lists the same value twice"),
+    "negative seed": (changed("trained", seeds=[-1]), r"seeds\[0\]: .*greater than or equal to 0"),
+    "no episodes": (changed("trained", episodes=0), "episodes: .*greater than or equal to 1"),
+    "unknown scenario": (
+        changed("trained", scenarios=["paper/k3-fdf"]),
+        r"groups\.trained: no scenario 'paper/k3-fdf'.*did you mean 'paper/k3-fdd'\?",
+    ),
+    "unknown setting": (
+        changed("trained", settings={"reward.age_wieght": 0}),
+        r"groups\.trained: .*reward\.age_wieght: unknown key; did you mean 'age_weight'\?",
+    ),
+    "unknown key": ({"gruops": {}}, "gruops: unknown key; did you mean 'groups'"),
+    "unknown report": (
+        {"report": "papers"},
+        "report: unknown value .papers.; did you mean .paper.",
+    ),
+    "axis of words": (
+        {"axis": {"key": "reward.kind"}},
+        r"axis\.key: 'reward\.kind' is no number in paper/k3-fdd, but 'paper'",
+    ),
+    "axis of nothing": ({"axis": {"key": "reward.weight"}}, r"axis\.key: .*but None"),
+    "unknown field of a series": (
+        changed("trained", series="{polciy}"),
+        r"groups\.trained\.series: unknown \{polciy\} \(known: \{policy\}, \{variant\}\)",
+    ),
+    "two cells in one place": (
+        changed("trained", series="ppo"),
+        r"groups\.trained: two cells of the series 'ppo' share the place 2",
+    ),
+}
+
+
+@pytest.mark.parametrize(("changes", "message"), MISTAKES.values(), ids=MISTAKES)
+def test_a_mistake_is_told_with_file_and_line(tmp_path, changes, message):
+    path = write_study(tmp_path / "study.yaml", **changes)
+    with pytest.raises(InputError, match=message) as error:
+        cells_of(path)
+    assert str(error.value).partition(": ")[0].split(":")[0].endswith("study.yaml")
+    assert "\n" not in str(error.value)
+
+
+def test_quick_that_leaves_nothing_is_refused(tmp_path):
+    path = write_study(tmp_path / "study.yaml", quick={"axis": [99]})
+    with pytest.raises(InputError, match="no cell left by --quick"):
+        cells_of(path, quick=True)
+
+
+def test_a_study_that_is_not_there_is_told_with_what_is():
+    with pytest.raises(InputError, match="no study 'papr'; did you mean 'paper'"):
+        load_study("papr")
