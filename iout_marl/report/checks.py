@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from iout_marl.evaluation import Estimate
 from iout_marl.report.content import Verdict
-from iout_marl.report.measures import difference, number, percent, reduction
+from iout_marl.report.measures import NO_BREAK, difference, number, percent, reduction
 from iout_marl.study.results import Measured, Results
 
 #: "About x" leaves room for this share of x.
@@ -48,15 +48,18 @@ class Finding:
     checks: tuple[Check, ...]
 
     def __str__(self) -> str:
-        return f"{self.what}: {'; '.join(map(str, self.checks))}"
+        return f"{self.what}: {'; '.join(map(str, self.checks)) or 'not measured'}"
 
 
 def verdict(findings: Sequence[Finding]) -> Verdict:
-    """All statements hold: reproduced; some: in part; none: not; nothing measured: so."""
+    """All statements hold: reproduced; some: in part; none: not; nothing measured: so.
+
+    Where a group of statements was not measured, the claim is reproduced in part at best.
+    """
     held = [check.holds for finding in findings for check in finding.checks]
     if not held:
         return "not measured"
-    if all(held):
+    if all(held) and all(finding.checks for finding in findings):
         return "reproduced"
     return "reproduced in part" if any(held) else "not reproduced"
 
@@ -67,9 +70,9 @@ def about(value: float, target: float) -> bool:
 
 
 def symbol(results: Results, place: float) -> str:
-    """`K = 3`."""
+    """`K = 3`, held together."""
     name = {"nodes.count": "K", "auvs.count": "M"}.get(results.axis.key, results.axis.key)
-    return f"{name} = {place:g}"
+    return f"{name} = {place:g}".replace(" ", NO_BREAK)
 
 
 def at_each_place(

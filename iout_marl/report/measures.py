@@ -25,6 +25,9 @@ METRIC_DIGITS = {
     "jain_violation": 2,
 }
 
+#: Holds a number and its unit together.
+NO_BREAK = "\N{NO-BREAK SPACE}"
+
 
 @dataclass(frozen=True)
 class _Moments:
@@ -80,7 +83,7 @@ def _welch(
 
 def number(estimate: Estimate, digits: int, unit: str = "") -> str:
     """`3.54 (3.42 to 3.66)`: a mean and its interval, where it has one."""
-    unit = unit and f" {unit}"
+    unit = unit and f"{NO_BREAK}{unit}"
     if math.isnan(estimate.low):
         return f"{estimate.mean:.{digits}f}{unit}"
     mean, low, high = (f"{v:.{digits}f}" for v in (estimate.mean, estimate.low, estimate.high))
@@ -105,4 +108,5 @@ def duration(seconds: float) -> str:
         hours, minutes = divmod(round(seconds / 60), 60)
         return f"{hours} h {minutes} min"
     minutes, seconds = divmod(seconds, 60)
-    return f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
+    parts = ([f"{minutes} min"] if minutes else []) + ([f"{seconds} s"] if seconds else [])
+    return " ".join(parts) or "0 s"

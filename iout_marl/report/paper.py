@@ -11,7 +11,7 @@ from iout_marl.report.link_figures import beta_star_figure, energies_figure, ene
 from iout_marl.report.names import BASELINES, BEST_FDD, BEST_TDD, FDD, TDD, in_fdd
 from iout_marl.report.paper_tables import constraint_table, cost_table, hyperparameter_table
 from iout_marl.report.plain import cells_section, facts
-from iout_marl.report.rewards import advice, terms_table
+from iout_marl.report.rewards import advice, judgements, terms_table
 from iout_marl.report.study_figures import (
     learning_figure,
     metric_figure,
@@ -63,7 +63,7 @@ def _lead(results: Results, claims: Answers) -> tuple[str, ...]:
             "Without a second seed no interval of a trained policy can be given, and orders are "
             "judged by single values."
         )
-    return (*(text for text in lead if text), *advice(results))
+    return (*(text for text in lead if text), *judgements(results))
 
 
 def _link(results: Results) -> Section:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iout_marl.evaluation import Estimate
-from iout_marl.report.checks import Check
+from iout_marl.report.checks import Check, symbol
 from iout_marl.report.content import Table
 from iout_marl.report.measures import metric as metric_text
 from iout_marl.report.measures import percent, reduction
@@ -75,6 +75,7 @@ class Comparison:
     Attributes:
         mode: TDD or FDD.
         reductions: of mean AoI at each place, with intervals, as text.
+        smallest, largest: of them, in percent.
         fresher: at how many places the whole interval lies above 0.
         places: how many places there are.
         fairness: lowest Jain's index over seeds: of the paper's reward, and of mean AoI.
@@ -83,6 +84,8 @@ class Comparison:
 
     mode: str
     reductions: str
+    smallest: float
+    largest: float
     fresher: int
     places: int
     fairness: tuple[float, float]
@@ -93,22 +96,24 @@ def compare(results: Results) -> list[Comparison]:
     """The mean-AoI reward against the paper's."""
     found = []
     for mode, paper, best, _ in MODES:
-        parts, fresher = [], 0
+        parts, shares = [], []
         for place in results.places():
             a, b = (results.measured(name, place, "mean_aoi") for name in (best, paper))
             if a is None or b is None:
                 continue
             share = reduction(a, b)
-            fresher += _above_zero(share)
-            parts.append(f"K = {place:g}: {percent(share)}")
+            shares.append(share)
+            parts.append(f"{symbol(results, place)}: {percent(share)}")
         if not parts:
             continue
         found.append(
             Comparison(
                 mode,
                 "; ".join(parts),
-                fresher,
-                len(parts),
+                100 * min(share.mean for share in shares),
+                100 * max(share.mean for share in shares),
+                sum(map(_above_zero, shares)),
+                len(shares),
                 (_lowest_jain(results, paper), _lowest_jain(results, best)),
                 (_total(results, paper), _total(results, best)),
             )
@@ -128,28 +133,34 @@ def _total(results: Results, series: str) -> float:
     return float(sum(r.mean("age_violations") for r in results.records(series)))
 
 
-def advice(results: Results, minimum_jain: float = 0.85) -> list[str]:
+def _judgement(c: Comparison, minimum_jain: float) -> str:
     """Which reward to use: the fresher one, unless it breaks the paper's constraints more."""
-    lines = []
-    for c in compare(results):
-        what = "mean AoI alone" + (" with the better β rule" if c.mode == "TDD" else "")
-        fair = c.fairness[1] >= min(minimum_jain, c.fairness[0])
-        timely = c.late[1] <= c.late[0]
-        if c.fresher == c.places and fair and timely:
-            judgement = f"Use {what}: it is fresher at every K and breaks no constraint more"
-        elif c.fresher == c.places:
-            judgement = (
-                f"Use {what} where freshness counts: it is fresher at every K, at a price in "
-                + ("fairness" if timely else "ages above A_max" if fair else "fairness and ages")
-            )
-        elif c.fresher:
-            judgement = f"Use {what} at the K where it is fresher ({c.fresher} of {c.places})"
-        else:
-            judgement = f"Keep the paper's reward: {what} is nowhere measurably fresher"
-        lines.append(
-            f"{c.mode}: {judgement}. Reduction of mean AoI against the paper's reward: "
-            f"{c.reductions}. Lowest Jain's index of any seed: {c.fairness[1]:.3f}, with the "
-            f"paper's reward {c.fairness[0]:.3f} (J_min is {minimum_jain:g}); node-slots above "
-            f"A_max over all seeds: {c.late[1]:.0f}, with the paper's {c.late[0]:.0f}."
-        )
-    return lines
+    what = "mean AoI alone" + (" with the better β rule" if c.mode == "TDD" else "")
+    fair = c.fairness[1] >= min(minimum_jain, c.fairness[0])
+    timely = c.late[1] <= c.late[0]
+    if not c.fresher:
+        return f"keep the paper's reward: {what} is nowhere measurably fresher"
+    where = "at every K" if c.fresher == c.places else f"at {c.fresher} of {c.places} K"
+    by = f"by {c.smallest:.0f} to {c.largest:.0f} %" if c.places > 1 else f"by {c.largest:.0f} %"
+    verb = "train on" if c.fresher == c.places else "where it is fresher, train on"
+    fresh = f"{verb} {what}: mean AoI is lower {where}, {by}"
+    if fair and timely:
+        return f"{fresh}, and no constraint of the paper is broken more"
+    price = " and ".join(([] if fair else ["fairness"]) + ([] if timely else ["ages above A_max"]))
+    return f"{fresh}, at a price in {price}"
+
+
+def judgements(results: Results, minimum_jain: float = 0.85) -> list[str]:
+    """The advice in a sentence for each mode."""
+    return [f"{c.mode}: {_judgement(c, minimum_jain)}." for c in compare(results)]
+
+
+def advice(results: Results, minimum_jain: float = 0.85) -> list[str]:
+    """The advice with its numbers."""
+    return [
+        f"{c.mode}: {_judgement(c, minimum_jain)}. Reduction of mean AoI against the paper's "
+        f"reward: {c.reductions}. Lowest Jain's index of any seed: {c.fairness[1]:.3f}, with the "
+        f"paper's reward {c.fairness[0]:.3f} (J_min is {minimum_jain:g}); node-slots above "
+        f"A_max over all seeds: {c.late[1]:.0f}, with the paper's {c.late[0]:.0f}."
+        for c in compare(results)
+    ]
