@@ -1,35 +1,50 @@
-# make demo   train the paper's smallest scenario and compare it with the baselines
-# make test   lint, types and the whole test suite
-# make bench  speed of environment and trainer, side by side with others
+# make demo       train the paper's smallest scenario and compare it with the baselines
+# make test       lint, types and the whole test suite
+# make reproduce  the paper's figures, tables and claims: a quarter of an hour on two cores
+# make bench      speed of environment and trainer, side by side with others
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := runs/demo
 
-.PHONY: demo test lint types pytest format bench clean
+.PHONY: demo reproduce docs test lint types pytest format bench clean
 
 # Each stamp stands for an installation that need not be repeated.
 RUNTIME := $(VENV)/.runtime-installed
 TEST := $(VENV)/.test-installed
+EMISSIONS := $(VENV)/.emissions-installed
+PIP := $(BIN)/pip install --quiet --disable-pip-version-check
 
 $(RUNTIME): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed" if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv $(VENV)
 	# torch first, at its exact version: any range would draw in GPU packages of several GB.
-	$(BIN)/pip install --quiet --disable-pip-version-check torch==2.13.0
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt hatchling
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable .
+	$(PIP) torch==2.13.0
+	$(PIP) --constraint constraints.txt hatchling
+	$(PIP) --constraint constraints.txt --no-build-isolation --editable .
 	touch $@
 
 $(TEST): $(RUNTIME)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable '.[test]'
+	$(PIP) --constraint constraints.txt --no-build-isolation --editable '.[test]'
+	touch $@
+
+$(EMISSIONS): $(RUNTIME)
+	$(PIP) --constraint constraints.txt --no-build-isolation --editable '.[emissions]'
 	touch $@
 
 demo: $(RUNTIME)
 	rm -rf $(DEMO)
 	$(BIN)/iout train paper/k3-fdd --out $(DEMO)
 	$(BIN)/iout evaluate paper/k3-fdd --policy $(DEMO) --policy greedy --policy round-robin --policy random-walk
+
+reproduce: $(EMISSIONS)
+	$(BIN)/iout reproduce
+
+# The page of the committed results; RESULTS=runs/paper takes over those of a new run.
+docs: $(RUNTIME)
+	$(if $(RESULTS),cp $(RESULTS)/results.json $(RESULTS)/results.csv docs/results/)
+	$(BIN)/iout report docs/results --markdown docs/reproduction.md
 
 test: lint types pytest
 

@@ -64,7 +64,7 @@ def reproduce(
     words += [word for setting in overrides or [] for word in ("--set", setting)]
     pool = DaskCluster(scheduler) if scheduler else LocalProcesses(jobs or machine.num_cores())
     folder.open(name)
-    signal.signal(signal.SIGTERM, _interrupt)
+    before = signal.signal(signal.SIGTERM, _interrupt)
     try:
         results = run_study(
             name, loaded, cells, folder, pool, command=shlex.join(words), quick=quick
@@ -73,6 +73,8 @@ def reproduce(
         again = shlex.join([*words, "--out", str(folder.path)])
         typer.echo(f"\nstopped; what is finished stays. Go on with: {again}", err=True)
         raise typer.Exit(130) from None
+    finally:
+        signal.signal(signal.SIGTERM, before)
     _write(folder.path)
     if results.failures:
         for failure in results.failures:
@@ -104,7 +106,9 @@ def _write(folder: Path, markdown: Path | None = None) -> None:
     text = markdown or folder / "report.md"
     figures = Path(os.path.relpath(folder / "figures", text.parent)).as_posix()
     write_atomically(text, render_markdown(built, figures).encode())
-    typer.echo(f"the report is {folder / 'report.html'}")
+    for line in built.lead:
+        typer.echo(line)
+    typer.echo(f"The report is {folder / 'report.html'}")
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001

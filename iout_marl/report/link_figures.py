@@ -46,7 +46,7 @@ class TddLink:
         cost = self.channel.power_per_snr_w(np.asarray(distance_m))
         return self.channel.required_energy_j(cost, (1 - beta) * self.scenario.slot_s)
 
-    def balance_distance_m(self, beta: float) -> float:
+    def balance_distance_m(self, beta: npt.ArrayLike) -> Floats:
         """d*: where an uplink takes just what the same slot harvests, g(β) = h(d)."""
         s = self.scenario
         source_level = physics.source_level_db(
@@ -62,15 +62,13 @@ class TddLink:
             s.harvester.efficiency,
             s.harvester.hydrophones,
         )
-        g = physics.g(beta, s.slot_s, s.uplink.packet_bits, s.uplink.bandwidth_hz)
+        g = physics.g(np.asarray(beta), s.slot_s, s.uplink.packet_bits, s.uplink.bandwidth_hz)
         attenuation = physics.attenuation_at_balance_db(
-            float(g), float(physics.kappa_3(float(kappa_2), noise))
+            g, float(physics.kappa_3(float(kappa_2), noise))
         )
         absorption = physics.thorp_absorption_db_per_km(self.channel.uplink_frequency_khz)
-        return float(
-            physics.attenuation_distance_m(
-                float(attenuation), float(absorption), s.channel.spreading_factor
-            )
+        return physics.attenuation_distance_m(
+            attenuation, float(absorption), s.channel.spreading_factor
         )
 
     def approximate_j(self, distance_m: npt.ArrayLike) -> Floats:
@@ -136,12 +134,7 @@ class BetaStar:
 def beta_star_curves() -> list[BetaStar]:
     """β* against d* at each frequency, β from 0.1 to 0.9."""
     beta = np.linspace(0.1, 0.9, 161)
-    curves = []
-    for frequency in FREQUENCIES_KHZ:
-        link = TddLink(frequency)
-        distance = np.array([link.balance_distance_m(float(b)) for b in beta])
-        curves.append(BetaStar(frequency, beta, distance))
-    return curves
+    return [BetaStar(f, beta, TddLink(f).balance_distance_m(beta)) for f in FREQUENCIES_KHZ]
 
 
 def beta_star_figure(command: str) -> Plot:

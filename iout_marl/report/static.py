@@ -163,6 +163,7 @@ def _draw_trajectory(trajectory: Trajectory) -> matplotlib.figure.Figure:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize
     from matplotlib.figure import Figure as Canvas
+    from matplotlib.lines import Line2D
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     canvas = Canvas(figsize=(_WIDTH_IN, 4.9), facecolor="white")
@@ -178,6 +179,13 @@ def _draw_trajectory(trajectory: Trajectory) -> matplotlib.figure.Figure:
             steps, colors=colours([i / slots for i in range(len(steps))]), linewidths=1.8
         )
     )
+    for chosen, colour in (
+        (trajectory.charged, palette.CHARGED),
+        (trajectory.heard, palette.HEARD),
+    ):
+        pairs = zip(path[1:], chosen, strict=True)
+        links = [(cell, trajectory.nodes[node - 1]) for cell, node in pairs if node]
+        axes.add_collection3d(Line3DCollection(links, colors=colour, linewidths=0.6, alpha=0.35))
     marks = {"depthshade": False, "zorder": 5}
     done = [
         (cell, ok)
@@ -207,7 +215,11 @@ def _draw_trajectory(trajectory: Trajectory) -> matplotlib.figure.Figure:
     bar = canvas.colorbar(shade, cax=canvas.add_axes((0.9, 0.27, 0.018, 0.5)))
     bar.set_label("slot")
     bar.outline.set_visible(False)
-    canvas.legend(loc="lower center", ncols=5, frameon=False, fontsize=8.5)
+    handles, labels = axes.get_legend_handles_labels()
+    for colour, label in ((palette.CHARGED, "charges"), (palette.HEARD, "hears")):
+        handles.append(Line2D([], [], color=colour, linewidth=1.2))
+        labels.append(label)
+    canvas.legend(handles, labels, loc="lower center", ncols=7, frameon=False, fontsize=8.5)
     return canvas
 
 

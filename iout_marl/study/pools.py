@@ -13,7 +13,7 @@ from typing import Any, Protocol, TypeAlias
 
 from iout_marl.errors import InputError
 from iout_marl.study.cells import Cell
-from iout_marl.study.worker import Output, run_cell
+from iout_marl.study.worker import Output, StoppedError, run_cell
 
 #: A cell, and what came of it.
 Outcome: TypeAlias = tuple[Cell, Output | Exception]
@@ -43,6 +43,14 @@ class WorkerDiedError(Exception):
         super().__init__("its process died, twice (out of memory?)")
 
 
+def _run_or_exit(cell: Cell, carbon_g_per_kwh: float) -> Output:
+    """Run a cell. A signal that stops its training ends the process, as it would without one."""
+    try:
+        return run_cell(cell, carbon_g_per_kwh)
+    except StoppedError:
+        os._exit(1)
+
+
 class LocalProcesses:
     """Processes of this machine, one thread each.
 
@@ -51,7 +59,7 @@ class LocalProcesses:
     """
 
     #: What each process does; it goes there by its name.
-    task = staticmethod(run_cell)
+    task = staticmethod(_run_or_exit)
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
@@ -61,15 +69,15 @@ class LocalProcesses:
         return f"{self.jobs} process" + ("es" if self.jobs > 1 else "")
 
     def run(self, cells: Sequence[Cell], carbon_g_per_kwh: float) -> Iterator[Outcome]:
-        """See `Pool`. A cell whose process dies is run once more, alone."""
+        """See `Pool`. Cells that ran as a process died are run once more, one by one."""
         waiting = list(cells)
         while waiting:
             suspects, waiting = yield from self._round(waiting, self.jobs, carbon_g_per_kwh)
-            # Whose fault it was shows as each of them runs by itself.
-            for suspect in suspects:
-                died, _ = yield from self._round([suspect], 1, carbon_g_per_kwh)
-                if died:
-                    yield suspect, WorkerDiedError()
+            # Whose fault it was shows as they run one by one.
+            while suspects:
+                guilty, suspects = yield from self._round(suspects, 1, carbon_g_per_kwh)
+                for cell in guilty:
+                    yield cell, WorkerDiedError()
 
     def _round(
         self, cells: Sequence[Cell], jobs: int, carbon_g_per_kwh: float
@@ -163,7 +171,7 @@ class DaskCluster:
             for i, cell in enumerate(cells)
         }
         try:
-            for future in as_completed(list(futures)):
+            for future in as_completed(list(futures), loop=self._client.loop):
                 cell = futures.pop(future)
                 error = future.exception()
                 yield cell, (future.result() if error is None else error)

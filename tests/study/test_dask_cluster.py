@@ -1,0 +1,85 @@
+"""The same study on a real Dask cluster: a scheduler and two workers on loopback."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+from tiny_study import STUDY, write_study
+
+from iout_marl import InputError
+from iout_marl.study.pools import DaskCluster
+
+PATIENCE_S = 120
+
+
+def wait_for(condition):
+    end = time.monotonic() + PATIENCE_S
+    while not (found := condition()):
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+    return found
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """The address of the scheduler, and the processes of the workers."""
+    started = []
+
+    def start(module, *words):
+        command = [sys.executable, "-m", f"distributed.cli.{module}", *words]
+        with (tmp_path / f"{module}-{len(started)}.log").open("w") as log:
+            started.append(subprocess.Popen(command, stdout=log, stderr=log, cwd=tmp_path))
+        return started[-1]
+
+    file = tmp_path / "scheduler.json"
+    loopback = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    start("dask_scheduler", *loopback, "--scheduler-file", str(file))
+    address = json.loads(wait_for(lambda: file.exists() and file.read_text()))["address"]
+    alone = ("--no-nanny", "--nthreads", "1", "--host", "127.0.0.1", "--no-dashboard")
+    workers = [start("dask_worker", address, *alone) for _ in range(2)]
+    yield address, workers
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_a_study_survives_the_loss_of_a_worker(cluster, tmp_path):
+    address, workers = cluster
+    trained = {**STUDY["groups"]["trained"], "seeds": [0, 1, 2]}
+    trained["settings"] = {**trained["settings"], "training.steps": 4_000}
+    path = write_study(
+        tmp_path / "study.yaml", groups={**STUDY["groups"], "trained": trained}, quick={}
+    )
+    out = tmp_path / "out"
+    words = ["--study", str(path), "--out", str(out), "--scheduler", address]
+    study = subprocess.Popen(
+        [sys.executable, "-m", "iout_marl", "reproduce", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    wait_for(lambda: list((out / "cells").glob("*-ppo-*.json")) or study.poll() is not None)
+    workers[0].kill()
+    _, told = study.communicate(timeout=PATIENCE_S)
+    assert study.returncode == 0, told
+    results = json.loads((out / "results.json").read_text())
+    assert len(results["cells"]) == 8
+    assert results["failures"] == []
+    assert len(list((out / "runs").iterdir())) == 6
+    assert all((run / "policy.safetensors").stat().st_size for run in (out / "runs").iterdir())
+
+
+def test_an_address_without_a_scheduler_is_told(monkeypatch):
+    monkeypatch.setattr("iout_marl.study.pools.CONNECT_S", 1)
+    with pytest.raises(InputError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler"):
+        DaskCluster("tcp://127.0.0.1:9")
+
+
+def test_without_dask_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"pip install 'iout-marl\[cluster\]'"):
+        DaskCluster("tcp://127.0.0.1:9")

@@ -1,0 +1,107 @@
+"""Studies as processes of their own: what happens when one of them is killed."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+from tiny_study import STUDY, write_study
+
+#: Trainings of a second or two: long enough to be killed in.
+SETTINGS = {"training.steps": 4_000}
+CELLS = 6
+PATIENCE_S = 120
+
+
+@pytest.fixture
+def study(tmp_path):
+    trained = STUDY["groups"]["trained"]
+    trained = {**trained, "settings": {**trained["settings"], **SETTINGS}, "seeds": [0, 1, 2]}
+    trained.pop("variants")
+    more = {**trained, "series": "more", "settings": {**trained["settings"], "nodes.count": 3}}
+    groups = {"trained": {**trained, "series": "ppo"}, "more": more}
+    return write_study(tmp_path / "study.yaml", groups=groups)
+
+
+@pytest.fixture
+def start(study, tmp_path):
+    """Starts `iout reproduce` on the study; whatever is left of it is ended."""
+    started = []
+
+    def starter(*words):
+        command = [sys.executable, "-m", "iout_marl", "reproduce", "--study", str(study)]
+        command += ["--out", str(tmp_path / "out"), *words]
+        started.append(
+            subprocess.Popen(
+                command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path
+            )
+        )
+        return started[-1]
+
+    yield starter
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def wait_for(condition):
+    end = time.monotonic() + PATIENCE_S
+    while not (found := condition()):
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+    return found
+
+
+def finished_cells(tmp_path):
+    return sorted((tmp_path / "out" / "cells").glob("*.json"))
+
+
+def workers_of(process):
+    return [p for p in psutil.Process(process.pid).children() if "spawn_main" in str(p.cmdline())]
+
+
+def results(tmp_path):
+    return json.loads((tmp_path / "out" / "results.json").read_text())
+
+
+def test_a_killed_worker_costs_no_cell(start, tmp_path):
+    process = start("--jobs", "2")
+    wait_for(lambda: finished_cells(tmp_path))
+    workers_of(process)[0].kill()
+    _, told = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, told
+    assert len(results(tmp_path)["cells"]) == CELLS
+    assert results(tmp_path)["failures"] == []
+
+
+def test_a_killed_study_takes_its_workers_along_and_goes_on_where_it_was(start, tmp_path):
+    process = start("--jobs", "2")
+    wait_for(lambda: finished_cells(tmp_path))
+    workers = workers_of(process)
+    assert workers
+    process.kill()
+    process.communicate()
+    wait_for(lambda: not any(worker.is_running() for worker in workers))
+    before = {path: path.stat().st_mtime_ns for path in finished_cells(tmp_path)}
+    assert 1 <= len(before) < CELLS
+    again = start("--jobs", "2")
+    _, told = again.communicate(timeout=PATIENCE_S)
+    assert again.returncode == 0, told
+    assert f"{len(before)} are there already" in told
+    assert len(finished_cells(tmp_path)) == CELLS
+    assert before == {path: path.stat().st_mtime_ns for path in before}
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_stopped_study_says_how_to_go_on(start, tmp_path, number):
+    process = start("--jobs", "2")
+    wait_for(lambda: finished_cells(tmp_path))
+    process.send_signal(number)
+    _, told = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130
+    assert "stopped; what is finished stays. Go on with: iout reproduce" in told
+    assert "Traceback" not in told
+    assert not (tmp_path / "out" / "results.json").exists()
