@@ -63,14 +63,21 @@ def reproduce(
     words += ["--quick"] if quick else []
     words += [word for setting in overrides or [] for word in ("--set", setting)]
     pool = DaskCluster(scheduler) if scheduler else LocalProcesses(jobs or machine.num_cores())
-    folder.open(name)
+    identity = {
+        "name": name,
+        "title": loaded.title,
+        "overrides": list(overrides or []),
+        "quick": quick,
+    }
     before = signal.signal(signal.SIGTERM, _interrupt)
     try:
-        results = run_study(
-            name, loaded, cells, folder, pool, command=shlex.join(words), quick=quick
-        )
+        with folder.open(identity):
+            results = run_study(
+                name, loaded, cells, folder, pool, command=shlex.join(words), quick=quick
+            )
     except KeyboardInterrupt:
-        again = shlex.join([*words, "--out", str(folder.path)])
+        where = ["--scheduler", scheduler] if scheduler else ["--jobs", str(jobs)] if jobs else []
+        again = shlex.join([*words, *where, "--out", str(folder.path)])
         typer.echo(f"\nstopped; what is finished stays. Go on with: {again}", err=True)
         raise typer.Exit(130) from None
     finally:

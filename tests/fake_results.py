@@ -2,6 +2,7 @@
 
 from iout_marl.evaluation import METRICS
 from iout_marl.report.names import BASELINES, BEST, TRAINED, in_fdd
+from iout_marl.scenario import load_scenario
 from iout_marl.study.results import CellResult, Emissions, Record, Results, TrainingRecord
 from iout_marl.study.schema import load_study
 
@@ -49,6 +50,7 @@ def record(policy, place, seed, samples, *, seconds=20.0, heard=(1, 2, 1)):
     }
     energy = seconds * 4e-6
     training = TrainingRecord(
+        settings=load_scenario("paper/k10-tdd").training.model_dump(mode="json"),
         env_steps=3_000_000,
         seconds=seconds,
         curve=curve,
@@ -66,6 +68,8 @@ def record(policy, place, seed, samples, *, seconds=20.0, heard=(1, 2, 1)):
         seed=seed,
         episodes=count,
         samples=full,
+        maximum_age=50,
+        minimum_jain=0.85,
         training=training if trained else None,
         episode=episode(int(place), list(heard)) if trained else None,
         machine=MACHINE,
@@ -127,7 +131,7 @@ def paper_like(change=None, places=PLACES, without=()):
                     "mean_aoi": [AOI[base] * growth + s for s in spread],
                     "final_aoi": [AOI[base] * growth * 1.1 + s for s in spread],
                     "peak_aoi": [3 * AOI[base] + s for s in spread],
-                    "harvested_kj": [KJ.get(base, 9.0) + s for s in spread],
+                    "harvested_kj": [KJ.get(base, 9.0) + 0.1 * (place == 7) + s for s in spread],
                     "jain": [jain + s / 10 for s in spread],
                 }
                 if change is not None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from iout_marl.evaluation import Estimate
 from iout_marl.report.content import Verdict
-from iout_marl.report.measures import NO_BREAK, difference, number, percent, reduction
+from iout_marl.report.measures import NO_BREAK, difference, number, percent, place_text, reduction
 from iout_marl.study.results import Measured, Results
 
 #: "About x" leaves room for this share of x.
@@ -52,16 +52,18 @@ class Finding:
 
 
 def verdict(findings: Sequence[Finding]) -> Verdict:
-    """All statements hold: reproduced; some: in part; none: not; nothing measured: so.
+    """All statements hold: reproduced; some: in part; none: not, or open if one of them is.
 
     Where a group of statements was not measured, the claim is reproduced in part at best.
     """
-    held = [check.holds for finding in findings for check in finding.checks]
-    if not held:
+    checks = [check for finding in findings for check in finding.checks]
+    if not checks:
         return "not measured"
-    if all(held) and all(finding.checks for finding in findings):
+    if all(check.holds for check in checks) and all(finding.checks for finding in findings):
         return "reproduced"
-    return "reproduced in part" if any(held) else "not reproduced"
+    if any(check.holds for check in checks):
+        return "reproduced in part"
+    return "left open" if any(check.open for check in checks) else "not reproduced"
 
 
 def about(value: float, target: float) -> bool:
@@ -72,7 +74,7 @@ def about(value: float, target: float) -> bool:
 def symbol(results: Results, place: float) -> str:
     """`K = 3`, held together."""
     name = {"nodes.count": "K", "auvs.count": "M"}.get(results.axis.key, results.axis.key)
-    return f"{name} = {place:g}".replace(" ", NO_BREAK)
+    return f"{name} = {place_text(place)}".replace(" ", NO_BREAK)
 
 
 def at_each_place(
@@ -132,13 +134,14 @@ def within(
     results: Results,
     metric: str,
     series: str,
-    holds: Callable[[float], bool],
+    bounds: tuple[float, float],
     what: str,
     digits: int,
     unit: str = "",
     places: Sequence[float] | None = None,
 ) -> Finding:
-    """The mean of a metric satisfies a condition."""
+    """The mean of a metric lies within bounds; open where only its interval reaches them."""
+    low, high = bounds
 
     def check(place: float) -> Check | None:
         measured = results.measured(series, place, metric)
@@ -146,7 +149,9 @@ def within(
             return None
         estimate = measured.estimate
         text = f"{symbol(results, place)}: {number(estimate, digits, unit)}"
-        return Check(text, holds(estimate.mean))
+        holds = low <= estimate.mean <= high
+        reaches = estimate.low <= high and estimate.high >= low
+        return Check(text, holds, open=not holds and reaches)
 
     return at_each_place(results, f"{series} {what}", check, places)
 

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 #: How well a claim held.
-Verdict: TypeAlias = Literal["reproduced", "reproduced in part", "not reproduced", "not measured"]
+Verdict: TypeAlias = Literal[
+    "reproduced", "reproduced in part", "left open", "not reproduced", "not measured"
+]
 
 
 @dataclass(frozen=True)

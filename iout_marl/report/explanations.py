@@ -15,6 +15,7 @@ from iout_marl.report.names import (
     BEST_TDD,
     FDD,
     GREEDY,
+    LONGER_TDD,
     RANDOM_WALK,
     ROUND_ROBIN,
     TDD,
@@ -274,8 +275,16 @@ def mean_distance_from_start_m(nodes: int) -> float | None:
 def unfair_seeds(results: Results) -> list[str]:
     """Every seed, and the same world under another reward."""
     lines = [f"{name}, by seed: {_seeds(results, name, 'jain', 3)}." for name in (TDD, FDD)]
+    lines += _longer(results, "jain", 3)
     lines += _fewest_deliveries(results)
     return lines
+
+
+def _longer(results: Results, metric_name: str, digits: int) -> list[str]:
+    """The same trained for longer, where the study does so."""
+    if not results.records(LONGER_TDD):
+        return []
+    return [f"{LONGER_TDD}, by seed: {_seeds(results, LONGER_TDD, metric_name, digits)}."]
 
 
 def late_seeds(results: Results) -> list[str]:
@@ -283,6 +292,7 @@ def late_seeds(results: Results) -> list[str]:
     lines = [
         f"{name}, by seed: {_seeds(results, name, 'age_violations', 0)}." for name in (TDD, FDD)
     ]
+    lines += _longer(results, "age_violations", 0)
     lines += _fewest_deliveries(results)
     if results.records(BEST_TDD):
         lines.append(
@@ -327,6 +337,8 @@ def cost(results: Results) -> list[str]:
                 if s is not None and r[0].training is not None
             ]
             parts.append(f"{symbol(results, place)}: {rates[0]:,.0f} and {rates[1]:,.0f}")
-    same = "Both modes take the same number of environment steps here: only their speeds differ."
-    rates_by_place = f"Steps a second, TDD and FDD: {'; '.join(parts)}."
-    return [same, rates_by_place, "Cells run side by side on shared cores: their times scatter."]
+    lines = [f"Steps a second, TDD and FDD: {'; '.join(parts)}. Cells share the cores."]
+    steps = {r.training.env_steps for s in (TDD, FDD) for r in results.records(s) if r.training}
+    if len(steps) == 1:
+        lines.insert(0, f"All trainings of both modes take {steps.pop():,} environment steps.")
+    return lines

@@ -101,6 +101,11 @@ def metric(measured: Measured | None, name: str) -> str:
     return "–" if measured is None else number(measured.estimate, METRIC_DIGITS[name])
 
 
+def place_text(place: float) -> str:
+    """A place on the axis: `3`, `0.5`, `2,304,000`."""
+    return f"{place:,.12g}"
+
+
 def duration(seconds: float) -> str:
     """`8 h 11 min`, `2 min 5 s` or `24 s`."""
     seconds = round(seconds)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 RANDOM_WALK, ROUND_ROBIN, GREEDY = BASELINES = ("random-walk", "round-robin", "greedy")
 TDD, FDD = TRAINED = ("PPO-TDD", "PPO-FDD")
+LONGER_TDD = "PPO-TDD, three times as long"
 BEST_TDD, BEST_FDD = BEST = ("Mean-AoI TDD", "Mean-AoI FDD")
 
 

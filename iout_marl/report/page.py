@@ -19,8 +19,9 @@ from iout_marl.report.static import draw
 _VERDICTS: dict[Verdict, tuple[str, str]] = {
     "reproduced": ("yes", "✓"),
     "reproduced in part": ("part", "≈"),
+    "left open": ("open", "?"),
     "not reproduced": ("no", "✗"),
-    "not measured": ("open", "–"),
+    "not measured": ("none", "–"),
 }
 _KEY = re.compile(r"[A-Za-z][\w.-]*")
 

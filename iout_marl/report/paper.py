@@ -8,8 +8,14 @@ from typing import get_args
 from iout_marl.report.claims import answers
 from iout_marl.report.content import Answers, Plot, Report, Section, Verdict
 from iout_marl.report.link_figures import beta_star_figure, energies_figure, energy_table
-from iout_marl.report.names import BASELINES, BEST_FDD, BEST_TDD, FDD, TDD, in_fdd
-from iout_marl.report.paper_tables import constraint_table, cost_table, hyperparameter_table
+from iout_marl.report.names import BASELINES, BEST, BEST_FDD, BEST_TDD, FDD, TDD, in_fdd
+from iout_marl.report.paper_tables import (
+    constraint_table,
+    cost_table,
+    hyperparameter_table,
+    paper_settings,
+    trained_settings,
+)
 from iout_marl.report.plain import cells_section, facts
 from iout_marl.report.rewards import advice, judgements, terms_table
 from iout_marl.report.study_figures import (
@@ -57,6 +63,7 @@ def _lead(results: Results, claims: Answers) -> tuple[str, ...]:
     counts = [(v, claims.count(v)) for v in get_args(Verdict)]
     told = ", ".join(f"{n} {v}" for v, n in counts if n)
     lead = [results.description, f"Of the paper's {len(claims.answers)} claims: {told}."]
+    lead += _settings_told(results)
     if results.quick:
         lead.append(
             "This is the study's short form (`--quick`): fewer K, one seed, shorter trainings. "
@@ -64,6 +71,24 @@ def _lead(results: Results, claims: Answers) -> tuple[str, ...]:
             "judged by single values."
         )
     return (*(text for text in lead if text), *judgements(results))
+
+
+def _settings_told(results: Results) -> list[str]:
+    """That policies were trained otherwise than the paper's, where they were."""
+    told = []
+    for mode, name in (("tdd", TDD), ("fdd", FDD)):
+        own, paper = trained_settings(results, mode), paper_settings(mode)
+        differing = {"discount": "γ", "learning_rate": "learning rate", "steps": "steps"}
+        parts = [
+            f"{label} {own[key]:,} (the paper: {paper[key]:,})"
+            for key, label in differing.items()
+            if own and own[key] != paper[key]
+        ]
+        if parts:
+            told.append(f"{name}: {', '.join(parts)}")
+    if not told:
+        return []
+    return [f"Policies are not trained by the paper's settings. {'. '.join(told)}."]
 
 
 def _link(results: Results) -> Section:
@@ -90,7 +115,7 @@ def _performance(results: Results) -> Section:
     ]
     tables = (
         metrics_table(results, "performance-table", "Performance in numbers", [*series, *fdd[:-1]]),
-        constraint_table(results, [*series, *fdd[:-1]]),
+        constraint_table(results, [*series, *fdd[:-1], *BEST]),
     )
     return Section(
         "performance",

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from iout_marl.report.content import Table
-from iout_marl.report.measures import duration, number
+from iout_marl.report.measures import duration, number, place_text
 from iout_marl.report.names import FDD, TDD
 from iout_marl.report.sources import printed_costs
 from iout_marl.report.study_figures import seconds
-from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario import load_scenario
 from iout_marl.study.results import Measured, Results
 
 #: Trained series of the paper, by duplex mode.
@@ -84,9 +86,9 @@ def cost_table(results: Results) -> Table:
     }
     if used:
         how = (
-            f"Energy and CO₂ by codecarbon {', '.join(sorted(used))} of the training's own "
-            "process; where the processor's counters can not be read, it estimates power from "
-            "the processor's load."
+            f"Energy and CO₂ as codecarbon {', '.join(sorted(used))} estimates them of the "
+            "training's own process: from the processor's counters where it can read them, else "
+            "from its nominal power and load, which follows the time."
         )
         how += f" Carbon intensity: {results.carbon_g_per_kwh:g} g/kWh, the paper's own."
     else:
@@ -96,7 +98,8 @@ def cost_table(results: Results) -> Table:
         title="What a training takes, beside the paper's",
         caption=(
             "Seconds of one training on one thread, as many side by side as there are cores; "
-            f"mean and 95 % interval over seeds. {how} The paper measured with eco2ai on a "
+            f"mean and 95 % interval over seeds. {how} The trainings differ in their settings, "
+            "see the next table. The paper measured with eco2ai on a "
             "Ryzen 7 5800H with a GTX 1650."
         ),
         command=results.command,
@@ -123,40 +126,44 @@ def _milli(measured: Measured | None, factor: float) -> str:
 
 def hyperparameter_table(results: Results) -> Table:
     """The paper's settings beside those of this study's trainings."""
-    own = {mode: _trained_scenario(results, mode) for mode in MODES}
-    paper = {
-        mode: load_scenario(f"paper/k10-{mode}", {"training.preset": "paper"}) for mode in MODES
-    }
-    rows = []
-    for heading, field in HYPERPARAMETERS:
-        cells = [_setting(scenario[mode], field) for scenario in (paper, own) for mode in MODES]
-        mark = "" if field in PRINTED else " *"
-        rows.append((heading + mark, *cells))
+    paper = [paper_settings(mode) for mode in MODES]
+    own = [trained_settings(results, mode) for mode in MODES]
+    rows = [
+        (
+            heading + ("" if field in PRINTED else " *"),
+            *(_setting(s, field) for s in (*paper, *own)),
+        )
+        for heading, field in HYPERPARAMETERS
+    ]
     return Table(
         key="hyperparameters",
         title="Hyperparameters, the paper's and those used here",
         caption=(
-            "The paper's as printed; with *, those of the library that it used. Batches: the "
-            "paper's have 100 samples. Both are training presets (`training.preset: paper` or "
-            "`fast`); this study's trainings take the second."
+            "The paper's as printed; with *, those of the library that it used (training preset "
+            f"`paper`). Here: those of {BY_MODE['tdd']} and {BY_MODE['fdd']} at the largest K."
         ),
-        command="iout show paper/k10-tdd",
+        command="iout show paper/k10-tdd --set training.preset=paper",
         columns=("Hyperparameter", "Paper, TDD", "Paper, FDD", "Here, TDD", "Here, FDD"),
         rows=tuple(rows),
         numeric=frozenset(range(1, 5)),
     )
 
 
-def _trained_scenario(results: Results, mode: str) -> Scenario:
-    records = results.records(BY_MODE[mode])
-    steps = records[0].training.env_steps if records and records[0].training else None
-    changes = {} if steps is None else {"training.steps": steps}
-    return load_scenario(f"paper/k10-{mode}", changes)
+def paper_settings(mode: str) -> dict[str, Any]:
+    """The paper's settings of a training with ten nodes."""
+    scenario = load_scenario(f"paper/k10-{mode}", {"training.preset": "paper"})
+    return scenario.training.model_dump(mode="json")
 
 
-def _setting(scenario: Scenario, field: str) -> str:
-    value = getattr(scenario.training, field)
-    if isinstance(value, tuple):
+def trained_settings(results: Results, mode: str) -> dict[str, Any]:
+    """The settings of this study's trainings, at the largest K; empty where there is none."""
+    records = [r for r in results.records(BY_MODE[mode]) if r.training]
+    return records[-1].training.settings if records and records[-1].training else {}
+
+
+def _setting(settings: dict[str, Any], field: str) -> str:
+    value = settings.get(field, "–")
+    if isinstance(value, list):
         return " × ".join(map(str, value))
     return f"{value:,}" if isinstance(value, int) else f"{value}"
 
@@ -175,7 +182,7 @@ def constraint_table(results: Results, series: list[str]) -> Table:
             rows.append(
                 (
                     name,
-                    f"{place:g}",
+                    place_text(place),
                     f"{jain.min():.3f}",
                     f"{100 * unfair.mean():.0f} %",
                     f"{100 * (late > 0).mean():.0f} %",
@@ -188,8 +195,9 @@ def constraint_table(results: Results, series: list[str]) -> Table:
         key="constraints",
         title="Constraints of P1: fairness and age",
         caption=(
-            "Over all episodes and seeds. A node-slot counts where an age would pass A_max = 50, "
-            "at which it stops; an episode is unfair where it ends below J_min = 0.85."
+            "Over all episodes and seeds. A node-slot counts where an age would pass A_max "
+            f"({_limits(results, 'maximum_age')} slots), at which it stops; an episode is unfair "
+            f"where it ends below J_min ({_limits(results, 'minimum_jain')})."
         ),
         command=results.command,
         columns=(
@@ -204,3 +212,7 @@ def constraint_table(results: Results, series: list[str]) -> Table:
         numeric=frozenset(range(1, 6)),
         marked=frozenset(marked),
     )
+
+
+def _limits(results: Results, name: str) -> str:
+    return " or ".join(f"{v:g}" for v in sorted({getattr(c.record, name) for c in results.cells}))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 from iout_marl.report.content import Report, Section, Table
-from iout_marl.report.measures import duration
+from iout_marl.report.measures import duration, place_text
 from iout_marl.report.study_figures import learning_figure, metric_figure, metrics_table
 from iout_marl.study.results import Results
 
@@ -32,7 +32,7 @@ def plain_report(results: Results) -> Report:
     if best is not None:
         lead.append(
             f"The lowest mean AoI, {best[0]:.2f}, is that of {best[1]} at "
-            f"{results.axis.label} = {best[2]:g}."
+            f"{results.axis.label} = {place_text(best[2])}."
         )
     overview = Section(
         key="overview",
@@ -76,7 +76,7 @@ def cells_section(results: Results) -> Section:
             f"{cell.series} {cell.axis:g}",
             (
                 cell.series,
-                f"{cell.axis:g}",
+                place_text(cell.axis),
                 record.scenario,
                 record.scenario_hash,
                 ", ".join(seeds),
@@ -112,7 +112,7 @@ def cells_section(results: Results) -> Section:
                 command=results.command,
                 columns=("Series", results.axis.label, "Seed", "Why"),
                 rows=tuple(
-                    (f.series, f"{f.axis:g}", f"{f.seed}", f.error) for f in results.failures
+                    (f.series, place_text(f.axis), f"{f.seed}", f.error) for f in results.failures
                 ),
                 numeric=frozenset({1, 2}),
             )

@@ -8,8 +8,9 @@ from iout_marl.evaluation import Estimate
 from iout_marl.report.checks import Check, symbol
 from iout_marl.report.content import Table
 from iout_marl.report.measures import metric as metric_text
-from iout_marl.report.measures import percent, reduction
+from iout_marl.report.measures import percent, place_text, reduction
 from iout_marl.report.names import BEST_FDD, BEST_TDD, FDD, TDD
+from iout_marl.report.study_figures import protocol
 from iout_marl.study.results import Results
 
 #: Mode, the paper's reward, the mean-AoI reward, and groups with single changes of it.
@@ -24,7 +25,7 @@ HEADINGS = ("Mean AoI", "Harvested kJ", "Jain's index", "Node-slots above A_max"
 def terms_table(results: Results) -> Table | None:
     """The paper's reward without each of its terms, beside the whole one."""
     rows: list[tuple[str, ...]] = []
-    marked = set()
+    marked, shown = set(), []
     for mode, whole, best, groups in MODES:
         changed = [name for group in groups for name in results.group_series(group)]
         places = sorted({place for name in changed for place in results.places(name)})
@@ -38,21 +39,21 @@ def terms_table(results: Results) -> Table | None:
                 if base is not None and name != whole:
                     share = reduction(own, base)
                     change = percent(share)
-                    if _above_zero(share):
+                    if Check.positive("", share).holds:
                         marked.add((len(rows), 3))
+                shown.append(name)
                 label = "the paper's reward" if name == whole else _label(name, mode)
                 values = [metric_text(results.measured(name, place, m), m) for m in METRICS]
-                rows.append((f"{mode}: {label}", f"{place:g}", values[0], change, *values[1:]))
+                rows.append((f"{mode}: {label}", place_text(place), values[0], change, *values[1:]))
     if not rows:
         return None
     return Table(
         key="reward-terms",
         title="The paper's reward without each of its terms",
         caption=(
-            "One change at a time, everything else as in the paper's reward; three trainings "
-            "each unless the study says otherwise, mean and 95 % interval over seeds. The "
-            "reduction of mean AoI is against the paper's whole reward; where its whole interval "
-            "lies above 0 it stands out."
+            "One change at a time, everything else as in the paper's reward. The reduction of "
+            "mean AoI is against the paper's whole reward; where its whole interval lies above 0 "
+            f"it stands out. {protocol(results, shown)}"
         ),
         command=results.command,
         columns=("Reward", results.axis.label, HEADINGS[0], "Reduction of AoI", *HEADINGS[1:]),
@@ -69,98 +70,105 @@ def _label(name: str, mode: str) -> str:
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """The mean-AoI reward against the paper's, in one mode.
+class Place:
+    """The mean-AoI reward against the paper's at one place on the axis.
 
     Attributes:
-        mode: TDD or FDD.
-        reductions: of mean AoI at each place, with intervals, as text.
-        smallest, largest: of them, in percent.
-        fresher: at how many places the whole interval lies above 0.
-        places: how many places there are.
-        fairness: lowest Jain's index over seeds: of the paper's reward, and of mean AoI.
-        late: node-slots above A_max over all seeds, of each.
+        where: `K = 3`.
+        reduction: of mean AoI, with its interval.
+        unfair: trainings that end below J_min: by the paper's reward, and by mean AoI.
+        late: node-slots above A_max over all trainings, of each.
+        trainings: how many there are of each.
+        fairness: lowest Jain's index of each.
     """
 
-    mode: str
-    reductions: str
-    smallest: float
-    largest: float
-    fresher: int
-    places: int
-    fairness: tuple[float, float]
+    where: str
+    reduction: Estimate
+    unfair: tuple[int, int]
     late: tuple[float, float]
+    trainings: tuple[int, int]
+    fairness: tuple[float, float]
+
+    @property
+    def is_fresher(self) -> bool:
+        """Whether mean AoI is lower by the whole interval."""
+        return Check.positive("", self.reduction).holds
+
+    def prices(self) -> list[str]:
+        """What the mean-AoI reward breaks more here."""
+        found = []
+        if self.unfair[1] > self.unfair[0]:
+            found.append(
+                f"fairness below J_min in {self.unfair[1]} of {self.trainings[1]} trainings at "
+                f"{self.where} ({self.unfair[0]} of {self.trainings[0]} with the paper's reward)"
+            )
+        if self.late[1] > self.late[0]:
+            found.append(
+                f"{self.late[1]:.0f} node-slots above A_max at {self.where} ({self.late[0]:.0f} "
+                "with the paper's reward)"
+            )
+        return found
 
 
-def compare(results: Results) -> list[Comparison]:
-    """The mean-AoI reward against the paper's."""
-    found = []
+def compare(results: Results) -> dict[str, list[Place]]:
+    """The mean-AoI reward against the paper's, by mode and place."""
+    found: dict[str, list[Place]] = {}
     for mode, paper, best, _ in MODES:
-        parts, shares = [], []
         for place in results.places():
             a, b = (results.measured(name, place, "mean_aoi") for name in (best, paper))
             if a is None or b is None:
                 continue
-            share = reduction(a, b)
-            shares.append(share)
-            parts.append(f"{symbol(results, place)}: {percent(share)}")
-        if not parts:
-            continue
-        found.append(
-            Comparison(
-                mode,
-                "; ".join(parts),
-                100 * min(share.mean for share in shares),
-                100 * max(share.mean for share in shares),
-                sum(map(_above_zero, shares)),
-                len(shares),
-                (_lowest_jain(results, paper), _lowest_jain(results, best)),
-                (_total(results, paper), _total(results, best)),
+            both = [results.records(name, place) for name in (paper, best)]
+            jain = [[v for r in records for v in r.samples["jain"]] for records in both]
+            unfair = [sum(max(r.samples["jain_violation"]) > 0 for r in rs) for rs in both]
+            late = [sum(r.mean("age_violations") for r in records) for records in both]
+            found.setdefault(mode, []).append(
+                Place(
+                    symbol(results, place),
+                    reduction(a, b),
+                    (unfair[0], unfair[1]),
+                    (late[0], late[1]),
+                    (len(both[0]), len(both[1])),
+                    (min(jain[0]), min(jain[1])),
+                )
             )
-        )
     return found
 
 
-def _above_zero(share: Estimate) -> bool:
-    return Check.positive("", share).holds
-
-
-def _lowest_jain(results: Results, series: str) -> float:
-    return min(v for r in results.records(series) for v in r.samples["jain"])
-
-
-def _total(results: Results, series: str) -> float:
-    return float(sum(r.mean("age_violations") for r in results.records(series)))
-
-
-def _judgement(c: Comparison, minimum_jain: float) -> str:
-    """Which reward to use: the fresher one, unless it breaks the paper's constraints more."""
-    what = "mean AoI alone" + (" with the better β rule" if c.mode == "TDD" else "")
-    fair = c.fairness[1] >= min(minimum_jain, c.fairness[0])
-    timely = c.late[1] <= c.late[0]
-    if not c.fresher:
+def _judgement(mode: str, places: list[Place]) -> str:
+    """Which reward to use, and at what price."""
+    what = "mean AoI alone" + (" with the better β rule" if mode == "TDD" else "")
+    fresher = [place for place in places if place.is_fresher]
+    if not fresher:
         return f"keep the paper's reward: {what} is nowhere measurably fresher"
-    where = "at every K" if c.fresher == c.places else f"at {c.fresher} of {c.places} K"
-    by = f"by {c.smallest:.0f} to {c.largest:.0f} %" if c.places > 1 else f"by {c.largest:.0f} %"
-    verb = "train on" if c.fresher == c.places else "where it is fresher, train on"
-    fresh = f"{verb} {what}: mean AoI is lower {where}, {by}"
-    if fair and timely:
-        return f"{fresh}, and no constraint of the paper is broken more"
-    price = " and ".join(([] if fair else ["fairness"]) + ([] if timely else ["ages above A_max"]))
-    return f"{fresh}, at a price in {price}"
+    shares = [100 * place.reduction.mean for place in fresher]
+    everywhere = len(fresher) == len(places)
+    where = "at every K" if everywhere else "at " + ", ".join(place.where for place in fresher)
+    by = f"by {min(shares):.0f} to {max(shares):.0f} %" if len(shares) > 1 else f"{shares[0]:.0f} %"
+    fresh = f"train on {what}: mean AoI is lower {where}, {by}"
+    prices = [price for place in places for price in place.prices()]
+    if not prices:
+        return f"{fresh}, and no constraint of the paper is broken more at any K"
+    return f"{fresh}, at a price: {'; '.join(prices)}"
 
 
-def judgements(results: Results, minimum_jain: float = 0.85) -> list[str]:
+def judgements(results: Results) -> list[str]:
     """The advice in a sentence for each mode."""
-    return [f"{c.mode}: {_judgement(c, minimum_jain)}." for c in compare(results)]
+    return [f"{mode}: {_judgement(mode, places)}." for mode, places in compare(results).items()]
 
 
-def advice(results: Results, minimum_jain: float = 0.85) -> list[str]:
+def advice(results: Results) -> list[str]:
     """The advice with its numbers."""
-    return [
-        f"{c.mode}: {_judgement(c, minimum_jain)}. Reduction of mean AoI against the paper's "
-        f"reward: {c.reductions}. Lowest Jain's index of any seed: {c.fairness[1]:.3f}, with the "
-        f"paper's reward {c.fairness[0]:.3f} (J_min is {minimum_jain:g}); node-slots above "
-        f"A_max over all seeds: {c.late[1]:.0f}, with the paper's {c.late[0]:.0f}."
-        for c in compare(results)
-    ]
+    lines = []
+    for mode, places in compare(results).items():
+        shares = "; ".join(f"{p.where}: {percent(p.reduction)}" for p in places)
+        fairness = "; ".join(
+            f"{p.where}: {p.fairness[1]:.3f} ({p.fairness[0]:.3f})" for p in places
+        )
+        late = "; ".join(f"{p.where}: {p.late[1]:.0f} ({p.late[0]:.0f})" for p in places)
+        lines.append(
+            f"{mode}: {_judgement(mode, places)}. Reduction of mean AoI against the paper's "
+            f"reward: {shares}. Lowest Jain's index of any training, in brackets with the "
+            f"paper's reward: {fairness}. Node-slots above A_max likewise: {late}."
+        )
+    return lines

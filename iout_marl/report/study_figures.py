@@ -11,6 +11,7 @@ from iout_marl.episode import Episode
 from iout_marl.evaluation import Estimate
 from iout_marl.report.content import Line, Plot, Table, Trajectory
 from iout_marl.report.measures import metric as metric_text
+from iout_marl.report.measures import place_text
 from iout_marl.study.results import Measured, Record, Results
 
 #: Metrics that are drawn and tabled: heading, and what its unit is.
@@ -129,7 +130,7 @@ def learning_figure(
 
 def _place_label(results: Results, name: str, place: float, series: Sequence[str]) -> str:
     symbol = {"nodes.count": "K", "auvs.count": "M"}.get(results.axis.key, results.axis.key)
-    where = f"{symbol} = {place:g}"
+    where = f"{symbol} = {place_text(place)}"
     return where if len(series) == 1 else f"{name}, {where}"
 
 
@@ -190,7 +191,7 @@ def metrics_table(
     rows = [
         (
             name,
-            f"{place:g}",
+            place_text(place),
             *(metric_text(results.measured(name, place, metric), metric) for metric in metrics),
         )
         for place in results.places()

@@ -132,7 +132,10 @@ def _series(group: Group, where: str, name: str, fields: Mapping[str, Any]) -> s
             raise InputError(f"{where}: groups.{name}.series: unknown {match[0]} (known: {known})")
         return str(fields[match[1]])
 
-    return re.sub(r"\{([^{}]*)\}", fill, group.series).strip()
+    series = re.sub(r"\{([^{}]*)\}", fill, group.series).strip()
+    if not series:
+        raise InputError(f"{where}: groups.{name}.series: must not be empty")
+    return series
 
 
 def _axis(scenario: Scenario, study: Study, layer: Layer) -> float:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import re
+import shutil
 import signal
 import threading
 from collections.abc import Generator, Iterator, Sequence
@@ -13,7 +15,7 @@ from typing import Any, Protocol, TypeAlias
 
 from iout_marl.errors import InputError
 from iout_marl.study.cells import Cell
-from iout_marl.study.worker import Output, StoppedError, run_cell
+from iout_marl.study.worker import FOLDERS, Output, StoppedError, run_cell
 
 #: A cell, and what came of it.
 Outcome: TypeAlias = tuple[Cell, Output | Exception]
@@ -126,6 +128,8 @@ def _start_worker() -> None:
 
     def follow() -> None:
         parent.join()
+        for folder in FOLDERS:
+            shutil.rmtree(folder, ignore_errors=True)
         os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
@@ -150,6 +154,10 @@ class DaskCluster:
             raise InputError(
                 "--scheduler: Dask is not installed; pip install 'iout-marl[cluster]'"
             ) from None
+        if not re.fullmatch(r"(\w+://)?[^\s/]+:\d+", address):
+            raise InputError(
+                f"--scheduler {address}: must be an address such as tcp://127.0.0.1:8786"
+            )
         try:
             self._client: Any = Client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:

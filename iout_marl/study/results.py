@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from iout_marl import machine
 from iout_marl.errors import InputError
@@ -24,6 +25,15 @@ from iout_marl.world import WORLD_VERSION
 FORMAT = 1
 #: Digits that are kept of a figure.
 DIGITS = 7
+
+#: What metrics can not be below and above: where intervals end.
+BOUNDS = {
+    "jain": (0.0, 1.0),
+    "jain_violation": (0.0, 1.0),
+    "uplink_success": (0.0, 1.0),
+    "reward": (-math.inf, math.inf),
+}
+NOT_NEGATIVE = (0.0, math.inf)
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -39,7 +49,7 @@ class Emissions(BaseModel):
 
 
 class TrainingRecord(BaseModel):
-    """A training: how long it took, and how it went.
+    """A training: by which settings, how long it took, and how it went.
 
     `curve` has a list for each of `env_steps`, `aoi/mean`, `fairness/jain`,
     `energy/harvested_kj` and `reward/total`, of the episodes of each rollout.
@@ -47,6 +57,7 @@ class TrainingRecord(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
+    settings: dict[str, Any]
     env_steps: int
     seconds: float
     curve: dict[str, list[float]]
@@ -69,6 +80,8 @@ class Record(BaseModel):
     duplex: str
     nodes: int
     auvs: int
+    maximum_age: float
+    minimum_jain: float
     policy: str
     seed: int
     episodes: int
@@ -97,6 +110,8 @@ class Record(BaseModel):
             duplex=scenario.duplex.kind,
             nodes=scenario.num_nodes,
             auvs=scenario.num_auvs,
+            maximum_age=scenario.age.maximum,
+            minimum_jain=scenario.fairness.minimum_jain,
             policy=cell.policy,
             seed=cell.seed,
             episodes=cell.episodes,
@@ -106,6 +121,14 @@ class Record(BaseModel):
             machine=machine.describe(),
             date=date,
         )
+
+    @model_validator(mode="after")
+    def _has_every_sample(self) -> Self:
+        for name in METRICS:
+            values = self.samples.get(name, [])
+            if len(values) != self.episodes or not np.isfinite(values).all():
+                raise ValueError(f"samples.{name} must hold a number for each episode")
+        return self
 
     def mean(self, metric: str) -> float:
         """A metric's mean over the episodes."""
@@ -146,15 +169,21 @@ class Measured:
     Attributes:
         samples: the values behind it: the means of the seeds, or the episodes.
         over: `seeds`, or `episodes` where there is only one seed.
+        bounds: what the values can not be below and above.
     """
 
     samples: tuple[float, ...]
     over: str
+    bounds: tuple[float, float] = NOT_NEGATIVE
 
     @property
     def estimate(self) -> Estimate:
-        """Mean and 95 % interval (Student's t)."""
-        return Estimate.of(self.samples)
+        """Mean and 95 % interval (Student's t), which ends at the bounds."""
+        found = Estimate.of(self.samples)
+        low, high = self.bounds
+        if math.isnan(found.low):
+            return found
+        return Estimate(found.mean, max(found.low, low), min(found.high, high))
 
     @property
     def mean(self) -> float:
@@ -231,9 +260,10 @@ class Results(BaseModel):
         records = self.records(series, place)
         if not records:
             return None
+        bounds = BOUNDS.get(metric, NOT_NEGATIVE)
         if len(records) > 1:
-            return Measured(tuple(record.mean(metric) for record in records), "seeds")
-        return Measured(tuple(records[0].samples[metric]), "episodes")
+            return Measured(tuple(record.mean(metric) for record in records), "seeds", bounds)
+        return Measured(tuple(records[0].samples[metric]), "episodes", bounds)
 
     def to_json(self) -> str:
         """As the text of a file."""
@@ -273,15 +303,18 @@ def read_results(path: Path) -> Results:
     return _validated(Results, path, data)
 
 
-def read_record(path: Path) -> Record:
-    """Read a file of a cell.
+def read_record(path: Path, key: str) -> Record:
+    """Read a file of the cell of this key.
 
     Raises:
-        InputError: as `read_results`.
+        InputError: as `read_results`, or it is the file of another cell.
     """
     data = _read_json(path)
     check_version(path, data)
-    return _validated(Record, path, data.get("record"))
+    record = _validated(Record, path, data.get("record"))
+    if record.key != key:
+        raise InputError(f"{path}: can not be read: it is of the cell {record.key}")
+    return record
 
 
 def record_to_json(record: Record) -> str:

@@ -11,11 +11,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
+from filelock import FileLock, Timeout
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -50,15 +52,16 @@ class StudyFolder:
         """All results."""
         return self.path / "results.json"
 
-    def open(self, name: str) -> None:
-        """Make the folder, or go on in it.
+    @contextmanager
+    def open(self, identity: Mapping[str, Any]) -> Iterator[None]:
+        """Make the folder, or go on in it; nobody else can while this one does.
 
         Args:
-            name: of the study.
+            identity: what tells the study from others: name, title, overrides, short form.
 
         Raises:
             InputError: it holds something else, results of another version or of another
-                study, or can not be written. Nothing in it is changed then.
+                study, can not be written, or is in use. Nothing in it is changed then.
         """
         marker = self.path / "study.json"
         try:
@@ -70,27 +73,35 @@ class StudyFolder:
                 f"{self.path}: holds no study, but {found[0]}; name a new or empty folder by --out"
             )
         if found:
-            self._check(marker, name)
+            self._check(marker, identity)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             (self.path / "cells").mkdir(exist_ok=True)
             (self.path / "runs").mkdir(exist_ok=True)
         except OSError as error:
             raise InputError(f"{self.path}: can not be written: {error.strerror}") from None
-        data = {"format": FORMAT, "world_version": WORLD_VERSION, "name": name}
-        write_atomically(marker, (json.dumps(data) + "\n").encode())
+        lock = FileLock(self.path / ".lock", timeout=0)
+        try:
+            lock.acquire()
+        except Timeout:
+            raise InputError(f"{self.path}: another study is running in it") from None
+        with lock:
+            data = {"format": FORMAT, "world_version": WORLD_VERSION, **identity}
+            write_atomically(marker, (json.dumps(data, indent=2) + "\n").encode())
+            yield
 
-    def _check(self, marker: Path, name: str) -> None:
+    def _check(self, marker: Path, identity: Mapping[str, Any]) -> None:
         try:
             data = json.loads(marker.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             raise InputError(f"{marker}: can not be read: damaged, it is no JSON") from None
         check_version(marker, data)
-        if data.get("name") != name:
-            raise InputError(
-                f"{self.path}: holds the study {data.get('name')!r}, not {name!r}; "
-                "name another folder by --out"
-            )
+        for key, value in identity.items():
+            if data.get(key) != value:
+                raise InputError(
+                    f"{self.path}: holds a study of another {key}: {data.get(key)!r}, not "
+                    f"{value!r}; name another folder by --out"
+                )
         if self.results_path.exists():
             read_results(self.results_path)
 
@@ -101,7 +112,7 @@ class StudyFolder:
             InputError: its file is damaged or of another version.
         """
         path = self._cell_path(cell)
-        return read_record(path) if path.exists() else None
+        return read_record(path, cell.key) if path.exists() else None
 
     def keep(self, cell: Cell, output: Output) -> None:
         """Write down what a cell has computed; it is finished from then on."""

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import datetime as dt
+import functools
 import json
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from iout_marl.episode import record_episode
 from iout_marl.evaluation import evaluate
+from iout_marl.scenario import load_scenario
 from iout_marl.study.cells import Cell
 from iout_marl.study.emissions import measured
 from iout_marl.study.results import Record, TrainingRecord, rounded
@@ -18,6 +22,8 @@ from iout_marl.world import pin_layout
 #: What of a training's log goes into the report, and at how many points at most.
 CURVES = ("aoi/mean", "fairness/jain", "energy/harvested_kj", "reward/total")
 CURVE_POINTS = 60
+#: Folders that trainings of this process are in; they go with it, however it ends.
+FOLDERS: set[str] = set()
 #: Of a run's folder, what only serves to go on with an unfinished training.
 LEFT_OUT = ("checkpoint.pt",)
 
@@ -56,7 +62,8 @@ def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
 
     # As many cells as cores run side by side.
     torch.set_num_threads(1)
-    with tempfile.TemporaryDirectory(prefix="iout-") as folder:
+    _warm_up()
+    with _folder() as folder:
         outcome, emissions = measured(
             lambda: trainers.train(
                 cell.scenario,
@@ -70,6 +77,7 @@ def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
         if outcome.evaluation is None:
             raise StoppedError(cell.key)
         training = TrainingRecord(
+            settings=cell.scenario.training.model_dump(mode="json"),
             env_steps=outcome.trainer.env_steps,
             seconds=round(outcome.seconds, 3),
             curve=_curve(outcome.run.metrics_path),
@@ -79,6 +87,26 @@ def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
         record = Record.of(cell, outcome.evaluation.samples, _today(), training, episode)
         files = [path for path in outcome.run.path.iterdir() if path.name not in LEFT_OUT]
         return Output(record, {path.name: path.read_bytes() for path in files})
+
+
+@contextmanager
+def _folder() -> Iterator[str]:
+    with tempfile.TemporaryDirectory(prefix="iout-") as folder:
+        FOLDERS.add(folder)
+        try:
+            yield folder
+        finally:
+            FOLDERS.discard(folder)
+
+
+@functools.cache
+def _warm_up() -> None:
+    """What a process does only once must not count to the time of its first training."""
+    import trainers
+
+    little = {"environments": 2, "rollout_slots": 100, "minibatches": 1, "steps": 1}
+    changes = {f"training.{key}": value for key, value in little.items()}
+    trainers.Trainer(load_scenario("paper/k3-tdd", changes)).iterate()
 
 
 def _curve(path: Path) -> dict[str, list[float]]:

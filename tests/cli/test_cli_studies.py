@@ -39,7 +39,7 @@ def test_reproduce_leaves_report_results_figures_and_runs(finished):
     out = finished / "out"
     names = {path.name for path in out.iterdir()}
     assert names == {
-        *("study.json", "cells", "runs", "results.json", "results.csv"),
+        *(".lock", "study.json", "cells", "runs", "results.json", "results.csv"),
         *("report.html", "report.md", "figures"),
     }
     figures = {path.suffix for path in (out / "figures").iterdir()}

@@ -79,6 +79,15 @@ def test_an_address_without_a_scheduler_is_told(monkeypatch):
         DaskCluster("tcp://127.0.0.1:9")
 
 
+def test_an_address_that_is_none_is_told_at_once():
+    command = [sys.executable, "-m", "iout_marl", "reproduce", "--scheduler", "foo"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "iout: --scheduler foo: must be an address such as tcp://127.0.0.1:8786\n"
+    )
+
+
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"pip install 'iout-marl\[cluster\]'"):

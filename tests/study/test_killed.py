@@ -1,6 +1,7 @@
 """Studies as processes of their own: what happens when one of them is killed."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -30,13 +31,20 @@ def study(tmp_path):
 def start(study, tmp_path):
     """Starts `iout reproduce` on the study; whatever is left of it is ended."""
     started = []
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
 
     def starter(*words):
         command = [sys.executable, "-m", "iout_marl", "reproduce", "--study", str(study)]
         command += ["--out", str(tmp_path / "out"), *words]
         started.append(
             subprocess.Popen(
-                command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path
+                command,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                cwd=tmp_path,
+                env={**os.environ, "TMPDIR": str(temporary)},
             )
         )
         return started[-1]
@@ -85,6 +93,7 @@ def test_a_killed_study_takes_its_workers_along_and_goes_on_where_it_was(start, 
     process.kill()
     process.communicate()
     wait_for(lambda: not any(worker.is_running() for worker in workers))
+    assert list((tmp_path / "temporary").glob("iout-*")) == []
     before = {path: path.stat().st_mtime_ns for path in finished_cells(tmp_path)}
     assert 1 <= len(before) < CELLS
     again = start("--jobs", "2")

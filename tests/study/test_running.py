@@ -10,11 +10,17 @@ from iout_marl import InputError, evaluate
 from iout_marl.episode import Episode
 from iout_marl.study import Results, expand, load_study, run_study
 from iout_marl.study.pools import LocalProcesses
-from iout_marl.study.results import read_results
+from iout_marl.study.results import Measured, read_results
 from iout_marl.study.run import StudyFolder
 from trainers import RunFolder
 
 QUIET = Console(quiet=True)
+IDENTITY = {"name": "tiny", "title": "A tiny study", "overrides": [], "quick": False}
+
+
+def opened(path, **changes):
+    with StudyFolder(path).open({**IDENTITY, **changes}):
+        pass
 
 
 @pytest.fixture
@@ -28,17 +34,17 @@ def run(study, tmp_path):
 
     def runner(pool=None, cells=None, **options):
         folder = StudyFolder(tmp_path / "out")
-        folder.open("tiny")
-        return run_study(
-            "tiny",
-            study[0],
-            expand(*study) if cells is None else cells,
-            folder,
-            pool or SameProcess(),
-            "iout reproduce",
-            console=QUIET,
-            **options,
-        )
+        with folder.open(IDENTITY):
+            return run_study(
+                "tiny",
+                study[0],
+                expand(*study) if cells is None else cells,
+                folder,
+                pool or SameProcess(),
+                "iout reproduce",
+                console=QUIET,
+                **options,
+            )
 
     return runner
 
@@ -139,14 +145,28 @@ def test_a_cell_that_kills_its_process_fails_alone(run):
 def test_a_folder_of_something_else_is_left_as_it_is(tmp_path):
     (tmp_path / "thesis.tex").write_text("all of it")
     with pytest.raises(InputError, match=r"holds no study, but thesis\.tex"):
-        StudyFolder(tmp_path).open("tiny")
+        opened(tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
 
 
-def test_a_folder_of_another_study_is_refused(run, tmp_path):
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("name", "paper"), ("title", "Another"), ("overrides", ["a.b=1"]), ("quick", True)],
+)
+def test_a_folder_of_another_study_is_refused(run, tmp_path, key, value):
     run(cells=[])
-    with pytest.raises(InputError, match="holds the study 'tiny', not 'paper'"):
-        StudyFolder(tmp_path / "out").open("paper")
+    before = (tmp_path / "out" / "study.json").read_bytes()
+    with pytest.raises(InputError, match=f"holds a study of another {key}: .*, not "):
+        opened(tmp_path / "out", **{key: value})
+    assert (tmp_path / "out" / "study.json").read_bytes() == before
+
+
+def test_a_folder_in_which_a_study_runs_is_refused(run, tmp_path):
+    run(cells=[])
+    running = StudyFolder(tmp_path / "out").open(IDENTITY)
+    with running, pytest.raises(InputError, match="another study is running in it"):
+        opened(tmp_path / "out")
+    opened(tmp_path / "out")
 
 
 @pytest.mark.parametrize("name", ["study.json", "results.json"])
@@ -180,6 +200,36 @@ def test_damaged_results_are_told_in_one_line(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(InputError, match=message):
         read_results(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda r: r["samples"].pop("jain"), r"samples\.jain must hold a number for each episode"),
+        (lambda r: r["samples"].update(mean_aoi=[]), r"samples\.mean_aoi must hold"),
+        (lambda r: r["samples"].update(jain=[float("nan")] * 3), r"samples\.jain must hold"),
+        (lambda r: r.update(key="another"), "it is of the cell another"),
+        (lambda r: r.pop("seed"), "seed: Field required"),
+    ],
+)
+def test_a_damaged_cell_is_told_in_one_line(run, study, tmp_path, change, message):
+    run()
+    path = tmp_path / "out" / "cells" / f"{expand(*study)[0].key}.json"
+    data = json.loads(path.read_text())
+    change(data["record"])
+    path.write_text(json.dumps(data))
+    with pytest.raises(InputError, match=message) as error:
+        run()
+    assert "\n" not in str(error.value)
+
+
+def test_intervals_end_where_the_metric_does(run):
+    results = run()
+    for cell in results.cells:
+        estimate = results.measured(cell.series, cell.axis, "jain").estimate
+        assert 0 <= estimate.low <= estimate.mean <= estimate.high <= 1
+    wide = Measured((1.0, 40.0), "seeds")
+    assert wide.estimate.low == 0
 
 
 def test_results_come_back_as_they_were_written(run):

@@ -137,6 +137,10 @@ MISTAKES = {
         changed("trained", series="{polciy}"),
         r"groups\.trained\.series: unknown \{polciy\} \(known: \{policy\}, \{variant\}\)",
     ),
+    "empty series": (
+        changed("trained", series="{variant}", variants={"": {}}),
+        r"groups\.trained\.series: must not be empty",
+    ),
     "two cells in one place": (
         changed("trained", series="ppo"),
         r"groups\.trained: two cells of the series 'ppo' share the place 2",
