@@ -29,6 +29,11 @@ def invalid(path: tuple[str | int, ...], message: str) -> PydanticCustomError:
     return PydanticCustomError("invalid", "{message}", {"message": message, "path": path})
 
 
+#: Keys that came after hashes had been published, with the values that stand for how it was
+#: before: those leave the hash as it was.
+_CAME_LATER = (("channel", "access", "orthogonal"), ("duplex", "synchronised", False))
+
+
 class Section(BaseModel):
     """A section of a scenario: immutable, strictly typed, without unknown keys."""
 
@@ -108,7 +113,19 @@ class FrancoisGarrison(Section):
 Absorption: TypeAlias = Annotated[Thorp | FrancoisGarrison, Field(discriminator="kind")]
 
 
-class PaperChannel(Section):
+class SharedChannel(Section):
+    """How several AUVs share the uplink's band; one AUV has it to itself in every kind.
+
+    `orthogonal`: the band is divided evenly among the AUVs. `interference`: all share it,
+    every node sends with the least power that meets its SNR against noise and the other
+    uplinks, and where there are no such powers the weakest links stay silent.
+    `exclusive`: one uplink a slot in the whole network; two or more collide, and all fail.
+    """
+
+    access: Literal["orthogonal", "interference", "exclusive"] = "orthogonal"
+
+
+class PaperChannel(SharedChannel):
     """Levels as the paper reckons them.
 
     `table` attenuates by k_s log₁₀ d + α d, the form behind the paper's tables and
@@ -122,7 +139,7 @@ class PaperChannel(Section):
     absorption: Absorption = Thorp()
 
 
-class SonarChannel(Section):
+class SonarChannel(SharedChannel):
     """Consistent units: the sonar equation, ambient noise in the uplink's band."""
 
     kind: Literal["sonar"] = "sonar"
@@ -180,6 +197,9 @@ class Tdd(Section):
     beta_rule: Literal["paper", "stored"] = "paper"
     beta_min: Fraction = 0.1
     beta_max: Fraction = 0.9
+    #: Whether the AUVs charge at the same time; if not, one that charges disturbs those that
+    #: listen (`channel.access: interference`).
+    synchronised: bool = False
 
     @model_validator(mode="after")
     def _bounds_in_order(self) -> Self:
@@ -449,5 +469,8 @@ class Scenario(Section):
         text = self.model_dump_json(exclude={"name", "description", *without})
         # Adding 0 makes −0.0, which equals 0.0, the same in writing too.
         data = json.loads(text, parse_float=lambda number: float(number) + 0.0)
+        for section, key, value in _CAME_LATER:
+            if data.get(section, {}).get(key) == value:
+                del data[section][key]
         text = json.dumps(data, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -86,9 +86,15 @@ def biased_action(rng: random.Random, env: int, oracle: Oracle) -> list[list[int
     return action
 
 
-def what_happened(oracle: Oracle, capped_before: int) -> Counter[str]:
+def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> Counter[str]:
     """Names of what a case may ask for, counted over one slot of one env."""
     seen: Counter[str] = Counter()
+    seen["silenced uplink"] += oracle.silenced - silenced_before
+    seen["collision"] += sum(e.spent_j > 0 and not e.delivered for e in oracle.events) > 1
+    for auv, event in enumerate(oracle.events):
+        if event.delivered:
+            alone = oracle.alone_j(auv, event.heard)
+            seen["disturbed uplink"] += event.spent_j > alone * (1 + 1e-6)
     fair_share = oracle.scenario.num_slots / len(oracle.nodes)
     seen["capped age"] += oracle.capped_ages - capped_before
     for auv, event in enumerate(oracle.events):
@@ -157,9 +163,9 @@ def play(case: Case) -> tuple[Scenario, list[ExpectedEpisode], Counter[str]]:
         for _ in range(scenario.num_slots):
             action = [biased_action(rng, env, oracle) for env, oracle in enumerate(oracles)]
             for oracle, entries in zip(oracles, action, strict=True):
-                capped_before = oracle.capped_ages
+                before = oracle.capped_ages, oracle.silenced
                 oracle.step(entries)
-                seen += what_happened(oracle, capped_before)
+                seen += what_happened(oracle, *before)
             episode.slots.append(_expected_slot(action, oracles))
         episodes.append(episode)
     return scenario, episodes, seen
