@@ -32,10 +32,14 @@ def draw_actions(scenario, seed, slots=60, envs=2):
     return np.stack([rng.integers(0, n, shape) for n in sizes], axis=-1)
 
 
+ACCESS = ("orthogonal", "interference", "exclusive")
 scenarios = st.builds(
-    lambda name, auvs: load_scenario(name, {"auvs.start_cells": STARTS[:auvs]}),
+    lambda name, auvs, access: load_scenario(
+        name, {"auvs.start_cells": STARTS[:auvs], "channel.access": access}
+    ),
     st.sampled_from(NAMES),
     st.integers(1, 3),
+    st.sampled_from(ACCESS),
 )
 laws = settings(max_examples=25, deadline=None)
 
