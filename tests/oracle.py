@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     Cell = tuple[int, int, int]
 
-#: Steps +x, −x, +y, −y, +z, −z, in the order of eq. `direction`.
-STEPS = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+#: Steps +x, −x, +y, −y, +z, −z, in the order of eq. `direction`; the last one hovers.
+STEPS = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (0, 0, 0))
 
 
 def thorp(f: float) -> float:
@@ -193,6 +193,8 @@ class Oracle:
         self.scenario, self.sound = scenario, Sound(scenario)
         self.node_cells = [tuple(cell) for cell in node_cells]
         self.auv_cells = [tuple(cell) for cell in scenario.auvs.start_cells[: scenario.num_auvs]]
+        while len(self.auv_cells) < scenario.num_auvs:
+            self.auv_cells.append(self.loneliest_cell())
         self.nodes, self.auvs = range(scenario.num_nodes), range(scenario.num_auvs)
         self.slot = 0
         self.age = [scenario.age.initial for _ in self.nodes]
@@ -203,6 +205,20 @@ class Oracle:
         self.peak_age = self.capped_ages = 0
         self.events: list[Slot] = []
         self.silenced = 0  # uplinks that fell silent so that others could be heard
+
+    def loneliest_cell(self) -> Cell:
+        """The cell farthest from every AUV so far, the first of them in x, y, z."""
+        best, cell = -1, (0, 0, 0)
+        nx, ny, nz = self.scenario.grid.cells
+        for x in range(1, nx + 1):
+            for y in range(1, ny + 1):
+                for z in range(1, nz + 1):
+                    nearest = min(
+                        (x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2 for u, v, w in self.auv_cells
+                    )
+                    if nearest > best:
+                        best, cell = nearest, (x, y, z)
+        return cell
 
     def squared_cells(self, auv: int, node: int) -> int:
         """Squared distance in cells: whole numbers, in which equal distances are equal."""

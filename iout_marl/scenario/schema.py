@@ -84,13 +84,15 @@ class RandomNodes(Section):
 class Auvs(Section):
     """The vehicles."""
 
-    #: Cell in which each AUV starts an episode.
+    #: Cell in which each AUV starts an episode. Where `count` is larger, each further AUV
+    #: starts in the cell farthest from all starts before it (of equals the first in x, y, z).
     start_cells: Annotated[tuple[Cell, ...], Field(min_length=1, strict=False)]
     #: Number of AUVs; null for one at each start cell.
     count: Count | None = None
     speed_m_per_s: Positive
-    #: `six`: one cell along an axis in every slot, never at rest.
-    motion: Literal["six"] = "six"
+    #: `six`: one cell along an axis in every slot, never at rest; `hover`: a seventh
+    #: direction stays where the AUV is.
+    motion: Literal["six", "hover"] = "six"
 
 
 class Episode(Section):
@@ -405,11 +407,11 @@ class Scenario(Section):
                     ("auvs", "start_cells", i),
                     f"cell {list(cell)} is the start of two AUVs; each needs one of its own",
                 )
-        if self.auvs.count is not None and self.auvs.count > len(starts):
+        if self.num_auvs > math.prod(self.grid.cells):
             raise invalid(
                 ("auvs", "count"),
-                f"is {self.auvs.count}, but auvs.start_cells lists {len(starts)}: "
-                "give each AUV a start cell of its own",
+                f"is {self.num_auvs}, but the grid has only {math.prod(self.grid.cells)} cells: "
+                "each AUV starts in one of its own",
             )
 
     def _check_uplink_band(self) -> None:

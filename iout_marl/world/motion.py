@@ -11,8 +11,10 @@ from iout_marl.world.grid import Grid
 
 #: The directions of each motion part, as steps in cells. `six` is the paper's eq.
 #: `direction`: right, left, up, down, forward, backward; there is no way to stay.
+_SIX = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 DIRECTIONS: dict[str, tuple[tuple[int, int, int], ...]] = {
-    "six": ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)),
+    "six": _SIX,
+    "hover": (*_SIX, (0, 0, 0)),
 }
 
 
@@ -29,12 +31,9 @@ class Motion:
         self.steps = np.array(DIRECTIONS[kind])
         self.num_directions = len(self.steps)
         self._xp = backend.xp
-        neighbours = _neighbour_table(grid, self.steps)
+        neighbours, inside = _neighbour_tables(grid, self.steps)
         self.neighbour = backend.integers(neighbours.reshape(-1))
-        own_code = np.arange(grid.num_codes)[:, None]
-        self._leads_inside = backend.xp.reshape(
-            backend.xp.asarray(neighbours != own_code, device=backend.device), (-1,)
-        )
+        self._leads_inside = backend.xp.asarray(inside.reshape(-1), device=backend.device)
 
     def move(self, cell: Array, direction: Array) -> tuple[Array, Array]:
         """One slot's move (eq. `direction`); who would leave the grid stays.
@@ -46,8 +45,9 @@ class Motion:
         Returns:
             the new cells, (envs, auvs), and who would have left the grid, (envs, auvs) bool.
         """
-        new_cell = lookup(self._xp, self.neighbour, cell * self.num_directions + direction)
-        return new_cell, new_cell == cell
+        index = cell * self.num_directions + direction
+        inside = lookup(self._xp, self._leads_inside, index)
+        return lookup(self._xp, self.neighbour, index), ~inside
 
     def stays_inside(self, cell: Array) -> Array:
         """Which directions keep an AUV in the grid: (envs, auvs, directions) bool."""
@@ -63,12 +63,19 @@ class Motion:
         return cell[..., None] * self.num_directions + directions
 
 
-def _neighbour_table(grid: Grid, steps: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """(codes, directions): the code that each direction leads to, the own one at the edge."""
+def _neighbour_tables(
+    grid: Grid, steps: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """Where each direction leads, the own cell at the edge, and whether it stays in the grid.
+
+    Both are (codes, directions).
+    """
     cells = grid.all_coordinates()
     targets = cells[:, None, :] + steps
     inside = ((targets >= 0) & (targets < np.array(grid.shape))).all(-1)
     here = grid.encode(cells)
-    table = np.zeros((grid.num_codes, len(steps)), dtype=np.int64)
-    table[here] = np.where(inside, grid.encode(targets), here[:, None])
-    return table
+    code = np.zeros((grid.num_codes, len(steps)), dtype=np.int64)
+    code[here] = np.where(inside, grid.encode(targets), here[:, None])
+    is_inside = np.zeros(code.shape, dtype=np.bool_)
+    is_inside[here] = inside
+    return code, is_inside

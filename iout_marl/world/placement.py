@@ -34,6 +34,21 @@ def node_codes(
     return np.stack([grid.encode(draw_cells(grid, nodes.count, rng)) for rng in rngs])
 
 
+def start_cells(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
+    """Coordinates from 0 of the cells in which the AUVs start, (auvs, 3).
+
+    Those that the scenario gives come first; each further one is the cell whose distance
+    from the nearest start before it is the largest, of equals the first in x, y and z.
+    """
+    given = scenario.auvs.start_cells[: scenario.num_auvs]
+    starts = [np.array(cell, dtype=np.int64) - 1 for cell in given]
+    cells = grid.all_coordinates()
+    while len(starts) < scenario.num_auvs:
+        squared = ((cells[:, None, :] - np.array(starts)) ** 2).sum(-1).min(-1)
+        starts.append(cells[int(squared.argmax())])
+    return np.array(starts)
+
+
 def redraws_every_episode(scenario: Scenario) -> bool:
     """Whether the nodes lie elsewhere in each episode."""
     return isinstance(scenario.nodes, RandomNodes) and scenario.nodes.redraw == "episode"

@@ -20,6 +20,7 @@ from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Motion
 from iout_marl.world.nodes import NodeAxis
 from iout_marl.world.observation import Observer
+from iout_marl.world.placement import start_cells
 from iout_marl.world.reward import make_reward
 from iout_marl.world.state import Events, State
 from iout_marl.world.uplink import Request, make_access
@@ -75,9 +76,7 @@ class World:
             self.motion.num_directions,
             *(self.num_nodes,) * self.duplex.num_choices,
         )
-        self._start = self.grid.encode(
-            np.array(scenario.auvs.start_cells[: self.num_auvs], dtype=np.int64) - 1
-        )
+        self._start = self.grid.encode(start_cells(scenario, self.grid))
         self._maximum_age = backend.floats(float(scenario.age.maximum))
         self._zero = backend.floats(0.0)
 

@@ -26,10 +26,10 @@ WORDS = (
     "fixed", "random", "run", "episode", "thorp", "francois_garrison", "table", "equation",
     "sonar", "fdd", "tdd", "paper", "stored", "mean_age", "scaled", "none", "info",
     "observation", "constant", "linear", "tanh", "relu", "running", "first_rollout",
-    "orthogonal", "interference", "exclusive",
+    "orthogonal", "interference", "exclusive", "six", "hover",
 )  # fmt: skip
 #: Names, keys with a single possible value, and a kind that needs other keys beside it.
-LEFT_OUT = {"name", "description", "training.preset", "auvs.motion", "nodes.kind"}
+LEFT_OUT = {"name", "description", "training.preset", "nodes.kind"}
 
 
 def leaves(data, path=""):

@@ -112,6 +112,9 @@ CASES = {
     ),
     "two-auvs-tdd": Case("paper/k3-tdd", TDD | SHARED, TWO_AUVS),
     "two-of-three-starts": Case("paper/k5-fdd", FDD | SHARED, {**THREE_AUVS, "auvs.count": 2}),
+    "spread-starts-and-hover": Case(
+        "paper/k5-fdd", FDD | SHARED, {"auvs.count": 4, "auvs.motion": "hover"}
+    ),
     "three-auvs-fdd": Case(
         "paper/k10-fdd",
         FDD | SHARED,

@@ -182,3 +182,27 @@ def test_random_layouts_have_one_node_a_cell_and_are_pinned_by_the_seed_of_a_run
     assert pin_layout(pinned, 5) is pinned
     fixed = load_scenario("paper/k3-fdd")
     assert pin_layout(fixed, 1) is fixed
+
+
+def test_starts_that_are_not_given_spread_out():
+    world = World(load_scenario("paper/k3-fdd", {"auvs.count": 5}))
+    starts = world.grid.coordinate_table()[world.reset(np.zeros((1, 3), int)).cell[0]] + 1
+    assert starts[0].tolist() == [5, 5, 2]
+    assert len({tuple(cell) for cell in starts.tolist()}) == 5
+    # The corners far from the middle of ten cells.
+    assert starts[1:].tolist() == [[10, 10, 4], [1, 10, 4], [10, 1, 4], [1, 1, 4]]
+
+
+def test_hovering_stays_and_is_no_move_out_of_the_grid():
+    scenario = load_scenario(
+        "paper/k3-fdd", {"auvs.motion": "hover", "auvs.start_cells": [[1, 1, 1]]}
+    )
+    world = World(scenario)
+    assert world.action_sizes == (7, 3, 3)
+    state = world.reset(np.zeros((1, 3), int))
+    after, events = world.step(state, np.array([[[6, 0, 0]]]))
+    assert (after.cell == state.cell).all()
+    assert not events.left_grid.any()
+    _, events = world.step(state, np.array([[[1, 0, 0]]]))
+    assert events.left_grid.all()
+    assert world.action_mask(state)[0, 0, :7].tolist() == [1, 0, 1, 0, 1, 0, 1]
