@@ -176,6 +176,7 @@ class Slot:
     charged: int
     heard: int
     left_grid: bool = False
+    blocked: bool = False
     beta: float = 0.0
     harvested_j: float = 0.0
     delivered: bool = False
@@ -231,8 +232,7 @@ class Oracle:
     def step(self, action: Sequence[Sequence[int]]) -> None:
         """One slot: move, charge, uplink, age. `action` has (direction, nodes…) per AUV."""
         self.events = [Slot(charged=a[1], heard=a[-1]) for a in action]
-        for auv, (direction, *_) in enumerate(action):
-            self.move(auv, direction)
+        self.move([direction for direction, *_ in action])
         if self.scenario.duplex.kind == "tdd":
             for auv, event in enumerate(self.events):
                 event.beta = self.splitting(auv, event.charged)
@@ -244,14 +244,40 @@ class Oracle:
         self.grow_older()
         self.slot += 1
 
-    def move(self, auv: int, direction: int) -> None:
-        """Eq. `direction`; a move out of the grid leaves the AUV where it is."""
-        pairs = zip(self.auv_cells[auv], STEPS[direction], strict=True)
-        target = tuple(c + step for c, step in pairs)
-        if all(1 <= c <= n for c, n in zip(target, self.scenario.grid.cells, strict=True)):
-            self.auv_cells[auv] = target
-        else:
-            self.events[auv].left_grid = True
+    def move(self, directions: Sequence[int]) -> None:
+        """Eq. `direction`; a move out of the grid leaves the AUV where it is.
+
+        AUVs whose moves end too near one another or swap cells stay, and those that would
+        run into one that stays, and so on.
+        """
+        targets = []
+        for auv, direction in enumerate(directions):
+            pairs = zip(self.auv_cells[auv], STEPS[direction], strict=True)
+            target = tuple(c + step for c, step in pairs)
+            inside = all(1 <= c <= n for c, n in zip(target, self.scenario.grid.cells, strict=True))
+            self.events[auv].left_grid = not inside
+            targets.append(target if inside else self.auv_cells[auv])
+        while stopped := self.collisions(targets):
+            for auv in stopped:
+                self.events[auv].blocked = True
+                targets[auv] = self.auv_cells[auv]
+        self.auv_cells = targets
+
+    def collisions(self, targets: Sequence[Cell]) -> list[int]:
+        """AUVs that move and must not."""
+        separation, found = self.scenario.auvs.separation_cells, []
+        for auv in self.auvs:
+            if targets[auv] == self.auv_cells[auv]:
+                continue
+            for other in self.auvs:
+                swap = targets[auv] == self.auv_cells[other] and (
+                    targets[other] == self.auv_cells[auv]
+                )
+                near = math.dist(targets[auv], targets[other]) < separation
+                if other != auv and separation > 0 and (swap or near):
+                    found.append(auv)
+                    break
+        return found
 
     def splitting(self, auv: int, node: int) -> float:
         """β, from the energy stored at the start of the slot (TDD).
@@ -414,6 +440,8 @@ class Oracle:
                 for event in self.events
             ],
         }
+        if len(self.auvs) > 1:
+            terms["separation"] = [-reward.separation_penalty * e.blocked for e in self.events]
         if reward.unserved_penalty:
             unserved = self.deliveries.count(0)
             terms["unserved"] = [-reward.unserved_penalty * unserved for _ in self.auvs]

@@ -31,7 +31,12 @@ def invalid(path: tuple[str | int, ...], message: str) -> PydanticCustomError:
 
 #: Keys that came after hashes had been published, with the values that stand for how it was
 #: before: those leave the hash as it was.
-_CAME_LATER = (("channel", "access", "orthogonal"), ("duplex", "synchronised", False))
+_CAME_LATER = (
+    ("auvs", "separation_cells", 1.0),
+    ("channel", "access", "orthogonal"),
+    ("duplex", "synchronised", False),
+    ("reward", "separation_penalty", 10.0),
+)
 
 
 class Section(BaseModel):
@@ -93,6 +98,10 @@ class Auvs(Section):
     #: `six`: one cell along an axis in every slot, never at rest; `hover`: a seventh
     #: direction stays where the AUV is.
     motion: Literal["six", "hover"] = "six"
+    #: Distance in cells that any two AUVs keep; 1 keeps them in cells of their own, 0 sets
+    #: no rule. Of AUVs whose moves would end too near one another, or swap their cells,
+    #: all stay where they are.
+    separation_cells: NonNegative = 1.0
 
 
 class Episode(Section):
@@ -244,6 +253,8 @@ class PaperReward(Section):
     age_weight: float = 1.0
     #: A move out of the grid.
     location_penalty: float = 10.0
+    #: A move that came too near another AUV's (see `auvs.separation_cells`).
+    separation_penalty: float = 10.0
     #: FDD: the uplink failed, and no node could have paid one.
     no_able_node_penalty: float = 4.0
     #: FDD: the uplink failed, and another node could have paid one.
@@ -407,6 +418,13 @@ class Scenario(Section):
                     ("auvs", "start_cells", i),
                     f"cell {list(cell)} is the start of two AUVs; each needs one of its own",
                 )
+            for other in starts[: min(i, self.num_auvs)]:
+                if i < self.num_auvs and math.dist(cell, other) < self.auvs.separation_cells:
+                    raise invalid(
+                        ("auvs", "start_cells", i),
+                        f"cell {list(cell)} lies nearer to {list(other)} than "
+                        f"auvs.separation_cells, {self.auvs.separation_cells:g}",
+                    )
         if self.num_auvs > math.prod(self.grid.cells):
             raise invalid(
                 ("auvs", "count"),

@@ -24,30 +24,64 @@ class Motion:
     Args:
         grid: the grid.
         kind: name of a motion part, a key of `DIRECTIONS`.
+        separation_cells: distance that any two AUVs keep; 0 for no rule.
         backend: arrays to work with.
     """
 
-    def __init__(self, grid: Grid, kind: str, backend: Backend) -> None:
+    def __init__(self, grid: Grid, kind: str, separation_cells: float, backend: Backend) -> None:
         self.steps = np.array(DIRECTIONS[kind])
         self.num_directions = len(self.steps)
         self._xp = backend.xp
         neighbours, inside = _neighbour_tables(grid, self.steps)
         self.neighbour = backend.integers(neighbours.reshape(-1))
         self._leads_inside = backend.xp.asarray(inside.reshape(-1), device=backend.device)
+        self._keeps_apart = separation_cells > 0
+        too_near = grid.offset_distances() < separation_cells * (1 - 1e-12)
+        self._too_near = backend.xp.asarray(too_near, device=backend.device)
+        self._origin = grid.offset_origin
 
-    def move(self, cell: Array, direction: Array) -> tuple[Array, Array]:
-        """One slot's move (eq. `direction`); who would leave the grid stays.
+    def move(self, cell: Array, direction: Array) -> tuple[Array, Array, Array]:
+        """One slot's moves (eq. `direction`), all at once; who would leave the grid stays.
+
+        Of AUVs whose moves would end too near one another, or swap their cells, all that
+        move stay; so do those whose moves would then end too near one that stays. The
+        order of the AUVs does not matter, and AUVs that were apart stay apart.
 
         Args:
             cell: (envs, auvs) codes.
             direction: (envs, auvs) indices of directions.
 
         Returns:
-            the new cells, (envs, auvs), and who would have left the grid, (envs, auvs) bool.
+            the new cells, who would have left the grid, and who was kept from moving by
+            another AUV, (envs, auvs) each.
         """
         index = cell * self.num_directions + direction
-        inside = lookup(self._xp, self._leads_inside, index)
-        return lookup(self._xp, self.neighbour, index), ~inside
+        left_grid = ~lookup(self._xp, self._leads_inside, index)
+        target = lookup(self._xp, self.neighbour, index)
+        if cell.shape[1] == 1 or not self._keeps_apart:
+            return target, left_grid, self._xp.zeros_like(left_grid)
+        new_cell = self._apart(cell, target)
+        return new_cell, left_grid, new_cell != target
+
+    def _apart(self, cell: Array, target: Array) -> Array:
+        """The targets of all that can move, the old cells of the others."""
+        xp = self._xp
+        auvs = xp.arange(cell.shape[1], device=cell.device)
+        another = auvs[:, None] != auvs[None, :]
+        new_cell = target
+        # Whoever stops may stop another: a chain of all AUVs takes as many rounds.
+        for _ in range(cell.shape[1]):
+            near = lookup(xp, self._too_near, self._between(new_cell, new_cell))
+            swaps = self._between(new_cell, cell) == self._origin
+            swaps = swaps & xp.matrix_transpose(swaps)
+            moves = new_cell != cell
+            stops = moves & xp.any((near | (swaps & moves[:, None, :])) & another, axis=2)
+            new_cell = xp.where(stops, cell, new_cell)
+        return new_cell
+
+    def _between(self, first: Array, second: Array) -> Array:
+        """Code differences + origin of every pair: (envs, auvs, auvs)."""
+        return first[:, :, None] - second[:, None, :] + self._origin
 
     def stays_inside(self, cell: Array) -> Array:
         """Which directions keep an AUV in the grid: (envs, auvs, directions) bool."""

@@ -65,7 +65,9 @@ class World:
         self.backend = backend = Backend.of(library, dtype, device)
         self.grid = Grid(scenario.grid.cells)
         self.link = Link(scenario, self.grid, backend)
-        self.motion = Motion(self.grid, scenario.auvs.motion, backend)
+        self.motion = Motion(
+            self.grid, scenario.auvs.motion, scenario.auvs.separation_cells, backend
+        )
         self.nodes = NodeAxis(num_envs, self.num_auvs, self.num_nodes, backend)
         self.duplex = make_duplex(scenario, self.link, (num_envs, self.num_auvs), backend)
         self.access = make_access(scenario, self.link, backend)
@@ -119,7 +121,7 @@ class World:
         xp, link, nodes = self.backend.xp, self.link, self.nodes
         charged, heard = action[..., 1], action[..., -1]
 
-        cell, left_grid = self.motion.move(state.cell, action[..., 0])
+        cell, left_grid, blocked = self.motion.move(state.cell, action[..., 0])
 
         heard_cell = nodes.chosen(state.node_cell, heard)
         heard_offset = link.offset(cell, heard_cell)
@@ -166,6 +168,7 @@ class World:
         )
         events = Events(
             left_grid=left_grid,
+            blocked=blocked,
             charged=charged,
             heard=heard,
             beta=split.beta,

@@ -29,7 +29,7 @@ STATE = (
     "peak_age",
     "capped_ages",
 )
-EVENTS = ("left_grid", "beta", "harvested_j", "delivered", "spent_j")
+EVENTS = ("left_grid", "blocked", "beta", "harvested_j", "delivered", "spent_j")
 
 
 @dataclass(frozen=True)
@@ -100,6 +100,7 @@ def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> C
     for auv, event in enumerate(oracle.events):
         seen["delivery" if event.delivered else "no delivery"] += 1
         seen["left grid"] += event.left_grid
+        seen["kept apart"] += event.blocked
         seen["same cell"] += oracle.squared_cells(auv, event.charged) == 0
         seen["overserved node"] += event.delivered and oracle.deliveries[event.heard] > fair_share
         if oracle.scenario.duplex.kind == "tdd":

@@ -19,7 +19,7 @@ TOLERANCE = 1e-9
 ALWAYS = {"delivery", "no delivery", "left grid", "capped age", "overserved node"}
 FDD = ALWAYS | {"no able node", "wrong node"}
 TDD = ALWAYS | {"only charging", "only transmitting", "both"}
-SHARED = {"shared charging", "contested uplink", "contest at equal distance"}
+SHARED = {"kept apart", "shared charging", "contested uplink", "contest at equal distance"}
 DISTURBED = {"disturbed uplink", "silenced uplink"}
 
 TWO_AUVS = {"auvs.start_cells": [[5, 5, 2], [1, 2, 1]]}
@@ -114,6 +114,16 @@ CASES = {
     "two-of-three-starts": Case("paper/k5-fdd", FDD | SHARED, {**THREE_AUVS, "auvs.count": 2}),
     "spread-starts-and-hover": Case(
         "paper/k5-fdd", FDD | SHARED, {"auvs.count": 4, "auvs.motion": "hover"}
+    ),
+    "auvs-without-separation": Case(
+        "paper/k5-fdd",
+        FDD | SHARED - {"kept apart"},
+        {"auvs.separation_cells": 0, "reward.location_penalty": 3.0, **THREE_AUVS},
+    ),
+    "auvs-far-apart": Case(
+        "paper/k5-tdd",
+        TDD | {"kept apart"},
+        {"auvs.separation_cells": 2.2, "auvs.count": 5, "reward.separation_penalty": 3.0},
     ),
     "three-auvs-fdd": Case(
         "paper/k10-fdd",
