@@ -8,7 +8,7 @@
 | Parallel API | yes |
 | Manual control | no |
 | Agents | `auv_0` … `auv_{M-1}`, one for each AUV of the scenario |
-| Action space | FDD `MultiDiscrete([6, K, K])`, TDD `MultiDiscrete([6, K])` |
+| Action space | FDD `MultiDiscrete([6, K, K])`, TDD `MultiDiscrete([6, K])` (7 with hovering) |
 | Observation space | `Box(3 + 2K)`, float32, finite bounds |
 | State space | `Box(3M + 6K + 1)`, float32, finite bounds |
 
@@ -18,7 +18,13 @@ packet, which the node sends if the energy it has stored pays for it. The task i
 the data fresh (Age of Information), and to leave no node out (Jain's fairness).
 
 **Actions**: direction (+x, −x, +y, −y, +z, −z), node to charge, node to hear; in TDD one
-node for both. Useless choices are harmless: they cost what the scenario says.
+node for both; with `auvs.motion: hover` a seventh direction stays. Useless choices are
+harmless: they cost what the scenario says.
+
+**Several AUVs** move at once: those whose moves would end in one cell, or nearer than
+`auvs.separation_cells`, or swap their cells, stay where they are. A node that several
+charge takes from all; one that several hear sends once, to the nearest. How uplinks to
+different AUVs share the band is said by `channel.access`.
 
 **Observations**: own position in cells, counted from 1 (3), ages of the nodes in slots
 (K), energies stored in the nodes in J (K). The scenario may scale them, append the

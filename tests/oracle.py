@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     Cell = tuple[int, int, int]
 
-#: Steps +x, −x, +y, −y, +z, −z, in the order of eq. `direction`.
-STEPS = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+#: Steps +x, −x, +y, −y, +z, −z, in the order of eq. `direction`; the last one hovers.
+STEPS = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (0, 0, 0))
 
 
 def thorp(f: float) -> float:
@@ -103,9 +103,11 @@ class Sound:
         fdd = duplex.kind == "fdd"
         self.charging_khz = duplex.charging_frequency_khz if fdd else duplex.frequency_khz
         self.uplink_khz = duplex.uplink_frequency_khz if fdd else duplex.frequency_khz
+        alone = scenario.num_auvs == 1 or channel.access != "orthogonal"
+        self.bandwidth_hz = uplink.bandwidth_hz / (1 if alone else scenario.num_auvs)
         self.absorption_db_per_km = {f: self.alpha(f) for f in (self.charging_khz, self.uplink_khz)}
         if channel.kind == "sonar":
-            half_khz = uplink.bandwidth_hz / 2000
+            half_khz = self.bandwidth_hz / 2000
 
             def density(f: float) -> float:
                 return 10 ** (ambient_noise_db(f, channel.shipping, channel.wind_m_per_s) / 10)
@@ -145,14 +147,26 @@ class Sound:
 
     def required_j(self, d: float, duration_s: float) -> float:
         """Eqs. `snr`, `p transmit` and `E transmited`; `sonar` through a real projector."""
-        uplink, channel = self.scenario.uplink, self.scenario.channel
-        throughput = uplink.packet_bits / duration_s
-        snr = 2 ** (throughput / uplink.bandwidth_hz) - 1
+        throughput = self.scenario.uplink.packet_bits / duration_s
+        snr = 2 ** (throughput / self.bandwidth_hz) - 1
+        return snr * self.watts_per_snr(d) * duration_s
+
+    def watts_per_snr(self, d: float) -> float:
+        """The power with which a node d away is as loud as the noise."""
+        channel = self.scenario.channel
         level = self.attenuation_db(d, self.uplink_khz) + self.noise_level_db
         if channel.kind == "sonar":
             level -= 170.8 + channel.uplink_directivity_index_db
-            return snr * 10 ** (level / 10) / channel.uplink_efficiency * duration_s
-        return snr * 10 ** (level / 10) * duration_s
+            return 10 ** (level / 10) / channel.uplink_efficiency
+        return 10 ** (level / 10)
+
+    def charger_watts(self) -> float:
+        """An AUV that charges, off its beam, as the power of a node at the same place."""
+        charging, channel = self.scenario.charging, self.scenario.channel
+        watts = charging.power_w * charging.efficiency
+        if channel.kind == "sonar":
+            watts /= channel.uplink_efficiency * 10 ** (channel.uplink_directivity_index_db / 10)
+        return watts
 
 
 @dataclass
@@ -162,6 +176,7 @@ class Slot:
     charged: int
     heard: int
     left_grid: bool = False
+    blocked: bool = False
     beta: float = 0.0
     harvested_j: float = 0.0
     delivered: bool = False
@@ -179,6 +194,8 @@ class Oracle:
         self.scenario, self.sound = scenario, Sound(scenario)
         self.node_cells = [tuple(cell) for cell in node_cells]
         self.auv_cells = [tuple(cell) for cell in scenario.auvs.start_cells[: scenario.num_auvs]]
+        while len(self.auv_cells) < scenario.num_auvs:
+            self.auv_cells.append(self.loneliest_cell())
         self.nodes, self.auvs = range(scenario.num_nodes), range(scenario.num_auvs)
         self.slot = 0
         self.age = [scenario.age.initial for _ in self.nodes]
@@ -188,6 +205,21 @@ class Oracle:
         self.age_sum = 0.0  # over the slots, of the mean over the nodes
         self.peak_age = self.capped_ages = 0
         self.events: list[Slot] = []
+        self.silenced = 0  # uplinks that fell silent so that others could be heard
+
+    def loneliest_cell(self) -> Cell:
+        """The cell farthest from every AUV so far, the first of them in x, y, z."""
+        best, cell = -1, (0, 0, 0)
+        nx, ny, nz = self.scenario.grid.cells
+        for x in range(1, nx + 1):
+            for y in range(1, ny + 1):
+                for z in range(1, nz + 1):
+                    nearest = min(
+                        (x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2 for u, v, w in self.auv_cells
+                    )
+                    if nearest > best:
+                        best, cell = nearest, (x, y, z)
+        return cell
 
     def squared_cells(self, auv: int, node: int) -> int:
         """Squared distance in cells: whole numbers, in which equal distances are equal."""
@@ -200,8 +232,7 @@ class Oracle:
     def step(self, action: Sequence[Sequence[int]]) -> None:
         """One slot: move, charge, uplink, age. `action` has (direction, nodes…) per AUV."""
         self.events = [Slot(charged=a[1], heard=a[-1]) for a in action]
-        for auv, (direction, *_) in enumerate(action):
-            self.move(auv, direction)
+        self.move([direction for direction, *_ in action])
         if self.scenario.duplex.kind == "tdd":
             for auv, event in enumerate(self.events):
                 event.beta = self.splitting(auv, event.charged)
@@ -213,14 +244,40 @@ class Oracle:
         self.grow_older()
         self.slot += 1
 
-    def move(self, auv: int, direction: int) -> None:
-        """Eq. `direction`; a move out of the grid leaves the AUV where it is."""
-        pairs = zip(self.auv_cells[auv], STEPS[direction], strict=True)
-        target = tuple(c + step for c, step in pairs)
-        if all(1 <= c <= n for c, n in zip(target, self.scenario.grid.cells, strict=True)):
-            self.auv_cells[auv] = target
-        else:
-            self.events[auv].left_grid = True
+    def move(self, directions: Sequence[int]) -> None:
+        """Eq. `direction`; a move out of the grid leaves the AUV where it is.
+
+        AUVs whose moves end too near one another or swap cells stay, and those that would
+        run into one that stays, and so on.
+        """
+        targets = []
+        for auv, direction in enumerate(directions):
+            pairs = zip(self.auv_cells[auv], STEPS[direction], strict=True)
+            target = tuple(c + step for c, step in pairs)
+            inside = all(1 <= c <= n for c, n in zip(target, self.scenario.grid.cells, strict=True))
+            self.events[auv].left_grid = not inside
+            targets.append(target if inside else self.auv_cells[auv])
+        while stopped := self.collisions(targets):
+            for auv in stopped:
+                self.events[auv].blocked = True
+                targets[auv] = self.auv_cells[auv]
+        self.auv_cells = targets
+
+    def collisions(self, targets: Sequence[Cell]) -> list[int]:
+        """AUVs that move and must not."""
+        separation, found = self.scenario.auvs.separation_cells, []
+        for auv in self.auvs:
+            if targets[auv] == self.auv_cells[auv]:
+                continue
+            for other in self.auvs:
+                swap = targets[auv] == self.auv_cells[other] and (
+                    targets[other] == self.auv_cells[auv]
+                )
+                near = math.dist(targets[auv], targets[other]) < separation
+                if other != auv and separation > 0 and (swap or near):
+                    found.append(auv)
+                    break
+        return found
 
     def splitting(self, auv: int, node: int) -> float:
         """β, from the energy stored at the start of the slot (TDD).
@@ -269,25 +326,83 @@ class Oracle:
         return [[pays(auv, node) for node in self.nodes] for auv in self.auvs]
 
     def uplink(self, able: list[list[bool]]) -> None:
-        """Each node delivers at most once, to the nearest AUV that hears it; it pays e_c."""
-        tau, fdd = self.scenario.slot_s, self.scenario.duplex.kind == "fdd"
+        """Each node sends at most once, to the nearest AUV that hears it, on the shared band."""
+        fdd = self.scenario.duplex.kind == "fdd"
+        sending: dict[int, int] = {}  # AUV: node
         for node in self.nodes:
             takers = []
             for auv, event in enumerate(self.events):
                 sends = able[auv][node] if fdd else event.beta < 1
                 if event.heard == node and sends:
-                    takers.append((self.squared_cells(auv, node), auv))
-            if not takers:
-                continue
-            for _, auv in takers:
-                self.events[auv].contested = len(takers) > 1
-            _, nearest = min(takers)
-            event = self.events[nearest]
-            duration_s = tau if fdd else (1 - event.beta) * tau
-            event.delivered = True
-            event.spent_j = self.sound.required_j(self.distance_m(nearest, node), duration_s)
-            self.energy_j[node] = max(0.0, self.energy_j[node] - event.spent_j)
-            self.spent_j += event.spent_j
+                    takers.append((self.squared_cells(auv, node), self.auv_cells[auv], auv))
+            if takers:
+                for *_, auv in takers:
+                    self.events[auv].contested = len(takers) > 1
+                sending[min(takers)[-1]] = node
+        access = self.scenario.channel.access
+        alone = {auv: self.alone_j(auv, node) for auv, node in sending.items()}
+        if access == "interference" and len(self.auvs) > 1:
+            self.share_the_band(sending, alone)
+            return
+        collided = access == "exclusive" and len(sending) > 1
+        for auv, node in sending.items():
+            self.pay(auv, node, alone[auv], delivered=not collided)
+
+    def duration_s(self, auv: int) -> float:
+        fdd, tau = self.scenario.duplex.kind == "fdd", self.scenario.slot_s
+        return tau if fdd else (1 - self.events[auv].beta) * tau
+
+    def alone_j(self, auv: int, node: int) -> float:
+        return self.sound.required_j(self.distance_m(auv, node), self.duration_s(auv))
+
+    def pay(self, auv: int, node: int, energy_j: float, *, delivered: bool) -> None:
+        event = self.events[auv]
+        event.delivered, event.spent_j = delivered, energy_j
+        self.energy_j[node] = max(0.0, self.energy_j[node] - energy_j)
+        self.spent_j += energy_j
+
+    def share_the_band(self, sending: dict[int, int], alone: dict[int, float]) -> None:
+        """Powers raised step by step until all are heard; if they can not be, one falls silent."""
+        spacing = self.scenario.grid.spacing_m
+        while sending:
+            energy = {auv: alone[auv] for auv in sending}
+            failed = False
+            for _ in range(10_000):
+                before = dict(energy)
+                for auv in sending:
+                    noise = 1.0 + self.charging_noise(auv, spacing)
+                    for other, node in sending.items():
+                        if other != auv:
+                            watts = before[other] / self.duration_s(other)
+                            noise += watts / self.sound.watts_per_snr(self.distance_m(auv, node))
+                    energy[auv] = alone[auv] * noise
+                # The powers only rise: what is too dear now is too dear in the end.
+                failed = any(
+                    energy[auv] > alone[auv] and energy[auv] > self.energy_j[node]
+                    for auv, node in sending.items()
+                )
+                if failed or all(energy[a] <= before[a] * (1 + 1e-15) for a in sending):
+                    break
+            if not failed:
+                break
+            far = {a: self.squared_cells(a, node) for a, node in sending.items()}
+            silent = min(sending, key=lambda a: (-far[a], self.auv_cells[a]))
+            self.silenced += 1
+            sending = {auv: node for auv, node in sending.items() if auv != silent}
+        for auv, node in sending.items():
+            self.pay(auv, node, energy[auv], delivered=True)
+
+    def charging_noise(self, auv: int, spacing: float) -> float:
+        """What AUVs that still charge while this one listens add to the noise (TDD)."""
+        duplex = self.scenario.duplex
+        if duplex.kind == "fdd" or duplex.synchronised:
+            return 0.0
+        noise = 0.0
+        for other in self.auvs:
+            if self.events[other].beta > self.events[auv].beta:
+                apart = math.dist(self.auv_cells[auv], self.auv_cells[other]) * spacing
+                noise += self.sound.charger_watts() / self.sound.watts_per_snr(apart)
+        return noise
 
     def grow_older(self) -> None:
         """Eq. `AOI_CALC`, ages held at A_max; D_T(k) of eq. `jain fairness J`."""
@@ -325,6 +440,8 @@ class Oracle:
                 for event in self.events
             ],
         }
+        if len(self.auvs) > 1:
+            terms["separation"] = [-reward.separation_penalty * e.blocked for e in self.events]
         if reward.unserved_penalty:
             unserved = self.deliveries.count(0)
             terms["unserved"] = [-reward.unserved_penalty * unserved for _ in self.auvs]

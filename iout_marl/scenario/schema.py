@@ -29,6 +29,16 @@ def invalid(path: tuple[str | int, ...], message: str) -> PydanticCustomError:
     return PydanticCustomError("invalid", "{message}", {"message": message, "path": path})
 
 
+#: Keys that came after hashes had been published, with the values that stand for how it was
+#: before: those leave the hash as it was.
+_CAME_LATER = (
+    ("auvs", "separation_cells", 1.0),
+    ("channel", "access", "orthogonal"),
+    ("duplex", "synchronised", False),
+    ("reward", "separation_penalty", 10.0),
+)
+
+
 class Section(BaseModel):
     """A section of a scenario: immutable, strictly typed, without unknown keys."""
 
@@ -79,13 +89,19 @@ class RandomNodes(Section):
 class Auvs(Section):
     """The vehicles."""
 
-    #: Cell in which each AUV starts an episode.
+    #: Cell in which each AUV starts an episode. Where `count` is larger, each further AUV
+    #: starts in the cell farthest from all starts before it (of equals the first in x, y, z).
     start_cells: Annotated[tuple[Cell, ...], Field(min_length=1, strict=False)]
     #: Number of AUVs; null for one at each start cell.
     count: Count | None = None
     speed_m_per_s: Positive
-    #: `six`: one cell along an axis in every slot, never at rest.
-    motion: Literal["six"] = "six"
+    #: `six`: one cell along an axis in every slot, never at rest; `hover`: a seventh
+    #: direction stays where the AUV is.
+    motion: Literal["six", "hover"] = "six"
+    #: Distance in cells that any two AUVs keep; 1 keeps them in cells of their own, 0 sets
+    #: no rule. Of AUVs whose moves would end too near one another, or swap their cells,
+    #: all stay where they are.
+    separation_cells: NonNegative = 1.0
 
 
 class Episode(Section):
@@ -108,7 +124,19 @@ class FrancoisGarrison(Section):
 Absorption: TypeAlias = Annotated[Thorp | FrancoisGarrison, Field(discriminator="kind")]
 
 
-class PaperChannel(Section):
+class SharedChannel(Section):
+    """How several AUVs share the uplink's band; one AUV has it to itself in every kind.
+
+    `orthogonal`: the band is divided evenly among the AUVs. `interference`: all share it,
+    every node sends with the least power that meets its SNR against noise and the other
+    uplinks, and where there are no such powers the weakest links stay silent.
+    `exclusive`: one uplink a slot in the whole network; two or more collide, and all fail.
+    """
+
+    access: Literal["orthogonal", "interference", "exclusive"] = "orthogonal"
+
+
+class PaperChannel(SharedChannel):
     """Levels as the paper reckons them.
 
     `table` attenuates by k_s log₁₀ d + α d, the form behind the paper's tables and
@@ -122,7 +150,7 @@ class PaperChannel(Section):
     absorption: Absorption = Thorp()
 
 
-class SonarChannel(Section):
+class SonarChannel(SharedChannel):
     """Consistent units: the sonar equation, ambient noise in the uplink's band."""
 
     kind: Literal["sonar"] = "sonar"
@@ -180,6 +208,9 @@ class Tdd(Section):
     beta_rule: Literal["paper", "stored"] = "paper"
     beta_min: Fraction = 0.1
     beta_max: Fraction = 0.9
+    #: Whether the AUVs charge at the same time; if not, one that charges disturbs those that
+    #: listen (`channel.access: interference`).
+    synchronised: bool = False
 
     @model_validator(mode="after")
     def _bounds_in_order(self) -> Self:
@@ -222,6 +253,8 @@ class PaperReward(Section):
     age_weight: float = 1.0
     #: A move out of the grid.
     location_penalty: float = 10.0
+    #: A move that came too near another AUV's (see `auvs.separation_cells`).
+    separation_penalty: float = 10.0
     #: FDD: the uplink failed, and no node could have paid one.
     no_able_node_penalty: float = 4.0
     #: FDD: the uplink failed, and another node could have paid one.
@@ -385,11 +418,18 @@ class Scenario(Section):
                     ("auvs", "start_cells", i),
                     f"cell {list(cell)} is the start of two AUVs; each needs one of its own",
                 )
-        if self.auvs.count is not None and self.auvs.count > len(starts):
+            for other in starts[: min(i, self.num_auvs)]:
+                if i < self.num_auvs and math.dist(cell, other) < self.auvs.separation_cells:
+                    raise invalid(
+                        ("auvs", "start_cells", i),
+                        f"cell {list(cell)} lies nearer to {list(other)} than "
+                        f"auvs.separation_cells, {self.auvs.separation_cells:g}",
+                    )
+        if self.num_auvs > math.prod(self.grid.cells):
             raise invalid(
                 ("auvs", "count"),
-                f"is {self.auvs.count}, but auvs.start_cells lists {len(starts)}: "
-                "give each AUV a start cell of its own",
+                f"is {self.num_auvs}, but the grid has only {math.prod(self.grid.cells)} cells: "
+                "each AUV starts in one of its own",
             )
 
     def _check_uplink_band(self) -> None:
@@ -449,5 +489,8 @@ class Scenario(Section):
         text = self.model_dump_json(exclude={"name", "description", *without})
         # Adding 0 makes −0.0, which equals 0.0, the same in writing too.
         data = json.loads(text, parse_float=lambda number: float(number) + 0.0)
+        for section, key, value in _CAME_LATER:
+            if data.get(section, {}).get(key) == value:
+                del data[section][key]
         text = json.dumps(data, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -37,6 +37,9 @@ class Channel:
             self.uplink_frequency_khz = duplex.uplink_frequency_khz
         else:
             self.charging_frequency_khz = self.uplink_frequency_khz = duplex.frequency_khz
+        shares = scenario.num_auvs if scenario.channel.access == "orthogonal" else 1
+        #: Bandwidth of an uplink in Hz.
+        self.bandwidth_hz = scenario.uplink.bandwidth_hz / shares
 
     def attenuation_db(self, distance_m: ArrayLike, frequency_khz: float) -> Array:
         """Loss between source and receiver in dB, in the shape of `distance_m`."""
@@ -75,7 +78,7 @@ class Channel:
             return physics.transmit_power_w(1.0, loss, channel.noise_level_db)
         noise = physics.ambient_noise_band_level_db(
             self.uplink_frequency_khz,
-            self._scenario.uplink.bandwidth_hz,
+            self.bandwidth_hz,
             channel.shipping,
             channel.wind_m_per_s,
         )
@@ -91,5 +94,20 @@ class Channel:
             uplink_s: duration in s, above 0.
         """
         uplink = self._scenario.uplink
-        snr = physics.required_snr(uplink.packet_bits, uplink_s, uplink.bandwidth_hz)
+        snr = physics.required_snr(uplink.packet_bits, uplink_s, self.bandwidth_hz)
         return physics.required_energy_j(snr * power_per_snr_w, uplink_s)
+
+    @property
+    def charging_disturbance_w(self) -> float:
+        """Power of an uplink, in W, that would sound as loud as an AUV that charges.
+
+        Off its beam an AUV radiates its acoustic power, without the directivity of the
+        beam; uplinks reckon in acoustic power (`table`, `equation`) or in electric power
+        through their own projector (`sonar`).
+        """
+        charging, channel = self._scenario.charging, self._scenario.channel
+        acoustic_w = charging.power_w * charging.efficiency
+        if isinstance(channel, PaperChannel):
+            return acoustic_w
+        gain = channel.uplink_efficiency * 10 ** (channel.uplink_directivity_index_db / 10)
+        return float(acoustic_w / gain)

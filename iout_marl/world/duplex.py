@@ -16,7 +16,8 @@ class Split(NamedTuple):
 
     beta: Array  # share for charging, as reported: 0 in FDD, which splits nothing
     charging_s: Array  # time for charging, in s
-    required_j: Array  # energy of the uplink in the time that is left, in J
+    uplink_s: Array  # time for the uplink, in s; not 0 where nothing is sent
+    required_j: Array  # energy of the uplink alone in the band, in J
 
 
 class Duplex(Protocol):
@@ -62,6 +63,7 @@ class FrequencyDivision:
         return Split(
             beta=self._no_beta,
             charging_s=self._whole_slot_s,
+            uplink_s=self._whole_slot_s,
             required_j=self._link.at(self._link.slot_uplink_j, uplink_offset),
         )
 
@@ -85,7 +87,7 @@ class TimeDivision:
         self._interval = (
             link.slot_s,
             scenario.uplink.packet_bits,
-            scenario.uplink.bandwidth_hz,
+            link.channel.bandwidth_hz,
             duplex.beta_min,
             duplex.beta_max,
         )
@@ -95,9 +97,11 @@ class TimeDivision:
         return split.beta < 1
 
     def _required_j(self, power_per_snr_w: Array, beta: Array) -> Array:
+        return self._link.channel.required_energy_j(power_per_snr_w, self._uplink_s(beta))
+
+    def _uplink_s(self, beta: Array) -> Array:
         # Where nothing is sent, any duration does: 0 would divide by zero.
-        uplink_s = self._xp.where(beta < 1, (1 - beta) * self._link.slot_s, self._one)
-        return self._link.channel.required_energy_j(power_per_snr_w, uplink_s)
+        return self._xp.where(beta < 1, (1 - beta) * self._link.slot_s, self._one)
 
 
 class PaperRule(TimeDivision):
@@ -124,6 +128,7 @@ class PaperRule(TimeDivision):
         return Split(
             beta=beta,
             charging_s=beta * link.slot_s,
+            uplink_s=self._uplink_s(beta),
             required_j=xp.where(only_sends, slot_uplink_j, star_uplink_j),
         )
 
@@ -142,6 +147,7 @@ class StoredRule(TimeDivision):
         return Split(
             beta=beta,
             charging_s=beta * link.slot_s,
+            uplink_s=self._uplink_s(beta),
             required_j=self._required_j(power_per_snr_w, beta),
         )
 

@@ -11,8 +11,10 @@ from iout_marl.world.grid import Grid
 
 #: The directions of each motion part, as steps in cells. `six` is the paper's eq.
 #: `direction`: right, left, up, down, forward, backward; there is no way to stay.
+_SIX = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 DIRECTIONS: dict[str, tuple[tuple[int, int, int], ...]] = {
-    "six": ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)),
+    "six": _SIX,
+    "hover": (*_SIX, (0, 0, 0)),
 }
 
 
@@ -22,32 +24,64 @@ class Motion:
     Args:
         grid: the grid.
         kind: name of a motion part, a key of `DIRECTIONS`.
+        separation_cells: distance that any two AUVs keep; 0 for no rule.
         backend: arrays to work with.
     """
 
-    def __init__(self, grid: Grid, kind: str, backend: Backend) -> None:
+    def __init__(self, grid: Grid, kind: str, separation_cells: float, backend: Backend) -> None:
         self.steps = np.array(DIRECTIONS[kind])
         self.num_directions = len(self.steps)
         self._xp = backend.xp
-        neighbours = _neighbour_table(grid, self.steps)
+        neighbours, inside = _neighbour_tables(grid, self.steps)
         self.neighbour = backend.integers(neighbours.reshape(-1))
-        own_code = np.arange(grid.num_codes)[:, None]
-        self._leads_inside = backend.xp.reshape(
-            backend.xp.asarray(neighbours != own_code, device=backend.device), (-1,)
-        )
+        self._leads_inside = backend.xp.asarray(inside.reshape(-1), device=backend.device)
+        self._keeps_apart = separation_cells > 0
+        too_near = grid.offset_distances() < separation_cells * (1 - 1e-12)
+        self._too_near = backend.xp.asarray(too_near, device=backend.device)
+        self._origin = grid.offset_origin
 
-    def move(self, cell: Array, direction: Array) -> tuple[Array, Array]:
-        """One slot's move (eq. `direction`); who would leave the grid stays.
+    def move(self, cell: Array, direction: Array) -> tuple[Array, Array, Array]:
+        """One slot's moves (eq. `direction`), all at once; who would leave the grid stays.
+
+        Of AUVs whose moves would end too near one another, or swap their cells, all that
+        move stay; so do those whose moves would then end too near one that stays. The
+        order of the AUVs does not matter, and AUVs that were apart stay apart.
 
         Args:
             cell: (envs, auvs) codes.
             direction: (envs, auvs) indices of directions.
 
         Returns:
-            the new cells, (envs, auvs), and who would have left the grid, (envs, auvs) bool.
+            the new cells, who would have left the grid, and who was kept from moving by
+            another AUV, (envs, auvs) each.
         """
-        new_cell = lookup(self._xp, self.neighbour, cell * self.num_directions + direction)
-        return new_cell, new_cell == cell
+        index = cell * self.num_directions + direction
+        left_grid = ~lookup(self._xp, self._leads_inside, index)
+        target = lookup(self._xp, self.neighbour, index)
+        if cell.shape[1] == 1 or not self._keeps_apart:
+            return target, left_grid, self._xp.zeros_like(left_grid)
+        new_cell = self._apart(cell, target)
+        return new_cell, left_grid, new_cell != target
+
+    def _apart(self, cell: Array, target: Array) -> Array:
+        """The targets of all that can move, the old cells of the others."""
+        xp = self._xp
+        auvs = xp.arange(cell.shape[1], device=cell.device)
+        another = auvs[:, None] != auvs[None, :]
+        new_cell = target
+        # Whoever stops may stop another: a chain of all AUVs takes as many rounds.
+        for _ in range(cell.shape[1]):
+            near = lookup(xp, self._too_near, self._between(new_cell, new_cell))
+            swaps = self._between(new_cell, cell) == self._origin
+            swaps = swaps & xp.matrix_transpose(swaps)
+            moves = new_cell != cell
+            stops = moves & xp.any((near | (swaps & moves[:, None, :])) & another, axis=2)
+            new_cell = xp.where(stops, cell, new_cell)
+        return new_cell
+
+    def _between(self, first: Array, second: Array) -> Array:
+        """Code differences + origin of every pair: (envs, auvs, auvs)."""
+        return first[:, :, None] - second[:, None, :] + self._origin
 
     def stays_inside(self, cell: Array) -> Array:
         """Which directions keep an AUV in the grid: (envs, auvs, directions) bool."""
@@ -63,12 +97,19 @@ class Motion:
         return cell[..., None] * self.num_directions + directions
 
 
-def _neighbour_table(grid: Grid, steps: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """(codes, directions): the code that each direction leads to, the own one at the edge."""
+def _neighbour_tables(
+    grid: Grid, steps: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """Where each direction leads, the own cell at the edge, and whether it stays in the grid.
+
+    Both are (codes, directions).
+    """
     cells = grid.all_coordinates()
     targets = cells[:, None, :] + steps
     inside = ((targets >= 0) & (targets < np.array(grid.shape))).all(-1)
     here = grid.encode(cells)
-    table = np.zeros((grid.num_codes, len(steps)), dtype=np.int64)
-    table[here] = np.where(inside, grid.encode(targets), here[:, None])
-    return table
+    code = np.zeros((grid.num_codes, len(steps)), dtype=np.int64)
+    code[here] = np.where(inside, grid.encode(targets), here[:, None])
+    is_inside = np.zeros(code.shape, dtype=np.bool_)
+    is_inside[here] = inside
+    return code, is_inside

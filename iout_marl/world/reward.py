@@ -66,6 +66,8 @@ class Paper:
         #: Each penalty as a reward, and none.
         self._none = backend.floats(0.0)
         self._location = backend.floats(-settings.location_penalty)
+        self._separation = backend.floats(-settings.separation_penalty)
+        self._is_alone = scenario.num_auvs == 1
         self._no_able_node = backend.floats(-settings.no_able_node_penalty)
         self._wrong_node = backend.floats(-settings.wrong_node_penalty)
         self._only_charging = backend.floats(-settings.only_charging_penalty)
@@ -84,6 +86,8 @@ class Paper:
             "information": self._fdd(state, events) if self._is_fdd else self._tdd(events),
             "occurrence": xp.where(overserved, self._occurrence, self._none),
         }
+        if not self._is_alone:
+            terms["separation"] = xp.where(events.blocked, self._separation, self._none)
         if settings.unserved_penalty:
             unserved = nodes.sum(xp.astype(state.deliveries == 0, state.age.dtype))
             terms["unserved"] = nodes.alike(-settings.unserved_penalty * unserved)

@@ -38,6 +38,7 @@ class Events(NamedTuple):
     """What each AUV did in a slot, and what came of it."""
 
     left_grid: Array  # (envs, auvs) bool: tried to leave the grid
+    blocked: Array  # (envs, auvs) bool: stayed, since its move came too near another AUV's
     charged: Array  # (envs, auvs) int: node charged
     heard: Array  # (envs, auvs) int: node asked for its data
     beta: Array  # (envs, auvs) float: TDD's share of the slot for charging; 0 in FDD

@@ -20,9 +20,10 @@ from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Motion
 from iout_marl.world.nodes import NodeAxis
 from iout_marl.world.observation import Observer
+from iout_marl.world.placement import start_cells
 from iout_marl.world.reward import make_reward
 from iout_marl.world.state import Events, State
-from iout_marl.world.uplink import settle
+from iout_marl.world.uplink import Request, make_access
 
 #: Changes whenever the same scenario, seed and actions would lead elsewhere.
 WORLD_VERSION = 0
@@ -64,9 +65,12 @@ class World:
         self.backend = backend = Backend.of(library, dtype, device)
         self.grid = Grid(scenario.grid.cells)
         self.link = Link(scenario, self.grid, backend)
-        self.motion = Motion(self.grid, scenario.auvs.motion, backend)
+        self.motion = Motion(
+            self.grid, scenario.auvs.motion, scenario.auvs.separation_cells, backend
+        )
         self.nodes = NodeAxis(num_envs, self.num_auvs, self.num_nodes, backend)
         self.duplex = make_duplex(scenario, self.link, (num_envs, self.num_auvs), backend)
+        self.access = make_access(scenario, self.link, backend)
         self.reward_part = make_reward(scenario, self.link, self.nodes, backend)
         self.observer = Observer(scenario, self.grid, self.link, backend)
         self.action_mask = ActionMask(scenario, self.link, self.motion, backend)
@@ -74,9 +78,7 @@ class World:
             self.motion.num_directions,
             *(self.num_nodes,) * self.duplex.num_choices,
         )
-        self._start = self.grid.encode(
-            np.array(scenario.auvs.start_cells[: self.num_auvs], dtype=np.int64) - 1
-        )
+        self._start = self.grid.encode(start_cells(scenario, self.grid))
         self._maximum_age = backend.floats(float(scenario.age.maximum))
         self._zero = backend.floats(0.0)
 
@@ -119,9 +121,10 @@ class World:
         xp, link, nodes = self.backend.xp, self.link, self.nodes
         charged, heard = action[..., 1], action[..., -1]
 
-        cell, left_grid = self.motion.move(state.cell, action[..., 0])
+        cell, left_grid, blocked = self.motion.move(state.cell, action[..., 0])
 
-        heard_offset = link.offset(cell, nodes.chosen(state.node_cell, heard))
+        heard_cell = nodes.chosen(state.node_cell, heard)
+        heard_offset = link.offset(cell, heard_cell)
         heard_hot = nodes.one_hot(heard)
         if self.duplex.num_choices == 1:
             charged_offset, charged_hot = heard_offset, heard_hot
@@ -134,9 +137,10 @@ class World:
         harvested_j = charge(link, charged_offset, split)
         payable_j = state.energy_j + nodes.total(charged_hot, harvested_j)
 
-        sends = self.duplex.sends(split, nodes.chosen(payable_j, heard))
-        delivered = settle(xp, sends, heard, link, heard_offset)
-        spent_j = xp.where(delivered, split.required_j, self._zero)
+        heard_payable_j = nodes.chosen(payable_j, heard)
+        sends = self.duplex.sends(split, heard_payable_j)
+        request = Request(cell, heard, heard_cell, sends, heard_payable_j, heard_offset)
+        delivered, spent_j = self.access(request, split)
         # At the root of the energy balance a rounding may leave less than nothing.
         energy_j = xp.maximum(payable_j - nodes.total(heard_hot, spent_j), self._zero)
 
@@ -164,6 +168,7 @@ class World:
         )
         events = Events(
             left_grid=left_grid,
+            blocked=blocked,
             charged=charged,
             heard=heard,
             beta=split.beta,

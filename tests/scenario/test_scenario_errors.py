@@ -143,7 +143,8 @@ LINES = {
     "auvs: {start_cells: [[1, 1, 1], [1, 1, 1]]}": (
         "auvs.start_cells[1]: cell [1, 1, 1] is the start of two AUVs; each needs one of its own"
     ),
-    "auvs: {count: 2}": "auvs.count: is 2, but auvs.start_cells lists 1: give each AUV a start",
+    "auvs: {count: 401}": "auvs.count: is 401, but the grid has only 400 cells",
+    "auvs: {count: 0}": "auvs.count: must be greater than or equal to 1, not 0",
     # Across keys.
     "duplex: {kind: tdd, beta_min: 0.9, beta_max: 0.1}": (
         "duplex.beta_min: the bounds must satisfy beta_min < beta_max < 1, not 0.9 and 0.1"
@@ -273,7 +274,7 @@ def test_folder_closed_to_the_user(monkeypatch):
         ("age={1: 2}", "1 is no key: keys are words"),
         ("age=&a [*a]", "--set age=&a [*a]: broken YAML: nested too deeply, or within itself"),
         ("age\n=3", "age\\n=3"),
-        ("auvs.count=2", "--set auvs.count=2: auvs.count: is 2, but auvs.start_cells lists 1"),
+        ("auvs.count=401", "--set auvs.count=401: auvs.count: is 401, but the grid has only 400"),
     ],
 )
 def test_bad_override(override, expected):

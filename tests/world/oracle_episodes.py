@@ -29,7 +29,7 @@ STATE = (
     "peak_age",
     "capped_ages",
 )
-EVENTS = ("left_grid", "beta", "harvested_j", "delivered", "spent_j")
+EVENTS = ("left_grid", "blocked", "beta", "harvested_j", "delivered", "spent_j")
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def biased_action(rng: random.Random, env: int, oracle: Oracle) -> list[list[int
     target = {0: None, 1: 0, 2: oracle.slot // 12 % num_nodes}[env]
     action = []
     for cell in oracle.auv_cells:
-        direction = rng.randrange(6)
+        direction = rng.randrange(7 if oracle.scenario.auvs.motion == "hover" else 6)
         nodes = [rng.randrange(num_nodes), rng.randrange(num_nodes)]
         if target is not None and rng.random() < 0.8:
             goal = oracle.node_cells[target]
@@ -86,14 +86,21 @@ def biased_action(rng: random.Random, env: int, oracle: Oracle) -> list[list[int
     return action
 
 
-def what_happened(oracle: Oracle, capped_before: int) -> Counter[str]:
+def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> Counter[str]:
     """Names of what a case may ask for, counted over one slot of one env."""
     seen: Counter[str] = Counter()
+    seen["silenced uplink"] += oracle.silenced - silenced_before
+    seen["collision"] += sum(e.spent_j > 0 and not e.delivered for e in oracle.events) > 1
+    for auv, event in enumerate(oracle.events):
+        if event.delivered:
+            alone = oracle.alone_j(auv, event.heard)
+            seen["disturbed uplink"] += event.spent_j > alone * (1 + 1e-6)
     fair_share = oracle.scenario.num_slots / len(oracle.nodes)
     seen["capped age"] += oracle.capped_ages - capped_before
     for auv, event in enumerate(oracle.events):
         seen["delivery" if event.delivered else "no delivery"] += 1
         seen["left grid"] += event.left_grid
+        seen["kept apart"] += event.blocked
         seen["same cell"] += oracle.squared_cells(auv, event.charged) == 0
         seen["overserved node"] += event.delivered and oracle.deliveries[event.heard] > fair_share
         if oracle.scenario.duplex.kind == "tdd":
@@ -157,9 +164,9 @@ def play(case: Case) -> tuple[Scenario, list[ExpectedEpisode], Counter[str]]:
         for _ in range(scenario.num_slots):
             action = [biased_action(rng, env, oracle) for env, oracle in enumerate(oracles)]
             for oracle, entries in zip(oracles, action, strict=True):
-                capped_before = oracle.capped_ages
+                before = oracle.capped_ages, oracle.silenced
                 oracle.step(entries)
-                seen += what_happened(oracle, capped_before)
+                seen += what_happened(oracle, *before)
             episode.slots.append(_expected_slot(action, oracles))
         episodes.append(episode)
     return scenario, episodes, seen

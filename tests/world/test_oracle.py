@@ -19,7 +19,8 @@ TOLERANCE = 1e-9
 ALWAYS = {"delivery", "no delivery", "left grid", "capped age", "overserved node"}
 FDD = ALWAYS | {"no able node", "wrong node"}
 TDD = ALWAYS | {"only charging", "only transmitting", "both"}
-SHARED = {"shared charging", "contested uplink", "contest at equal distance"}
+SHARED = {"kept apart", "shared charging", "contested uplink", "contest at equal distance"}
+DISTURBED = {"disturbed uplink", "silenced uplink"}
 
 TWO_AUVS = {"auvs.start_cells": [[5, 5, 2], [1, 2, 1]]}
 THREE_AUVS = {"auvs.start_cells": [[5, 5, 2], [1, 2, 1], [3, 1, 2]]}
@@ -39,6 +40,8 @@ RANDOM_NODES = {"nodes": {"kind": "random", "count": 4}, "observation.node_posit
 LARGE_PACKETS = {"uplink.packet_bits": 30000, "charging.power_w": 60000}
 #: So steeply that even near nodes, for which β_min is ample, can not pay at β_max.
 STEEP_PACKETS = {"uplink.packet_bits": 60000, "channel.noise_level_db": 12.0}
+#: Packets that need an SNR of about 1: uplinks side by side hardly bear one another.
+LOUD = {"uplink.packet_bits": 60000, "charging.power_w": 900000}
 COLD = {"channel.absorption": {"kind": "francois_garrison", "temperature_c": 4.0}}
 WARM = {
     "channel.absorption": {
@@ -109,6 +112,19 @@ CASES = {
     ),
     "two-auvs-tdd": Case("paper/k3-tdd", TDD | SHARED, TWO_AUVS),
     "two-of-three-starts": Case("paper/k5-fdd", FDD | SHARED, {**THREE_AUVS, "auvs.count": 2}),
+    "spread-starts-and-hover": Case(
+        "paper/k5-fdd", FDD | SHARED, {"auvs.count": 4, "auvs.motion": "hover"}
+    ),
+    "auvs-without-separation": Case(
+        "paper/k5-fdd",
+        FDD | SHARED - {"kept apart"},
+        {"auvs.separation_cells": 0, "reward.location_penalty": 3.0, **THREE_AUVS},
+    ),
+    "auvs-far-apart": Case(
+        "paper/k5-tdd",
+        TDD | {"kept apart"},
+        {"auvs.separation_cells": 2.2, "auvs.count": 5, "reward.separation_penalty": 3.0},
+    ),
     "three-auvs-fdd": Case(
         "paper/k10-fdd",
         FDD | SHARED,
@@ -118,6 +134,37 @@ CASES = {
         "paper/k7-tdd", TDD | SHARED, {"reward.only_transmitting_penalty": 1.0, **THREE_AUVS}
     ),
     "three-auvs-stored": Case("best/k5-tdd", TDD | SHARED, THREE_AUVS),
+    "exclusive-fdd": Case(
+        "paper/k5-fdd", FDD | SHARED | {"collision"}, {"channel.access": "exclusive", **THREE_AUVS}
+    ),
+    "exclusive-tdd": Case(
+        "paper/k5-tdd", TDD | SHARED | {"collision"}, {"channel.access": "exclusive", **THREE_AUVS}
+    ),
+    "interference-fdd": Case(
+        "paper/k5-fdd",
+        FDD | SHARED | {"disturbed uplink"},
+        {"channel.access": "interference", **THREE_AUVS},
+    ),
+    "strong-interference-fdd": Case(
+        "paper/k5-fdd",
+        FDD | SHARED | DISTURBED,
+        {"channel.access": "interference", **LOUD, **THREE_AUVS},
+    ),
+    "interference-tdd": Case(
+        "best/k5-tdd",
+        TDD | SHARED | DISTURBED,
+        {"channel.access": "interference", **THREE_AUVS},
+    ),
+    "interference-tdd-synchronised": Case(
+        "best/k5-tdd",
+        TDD | SHARED | {"disturbed uplink"},
+        {"channel.access": "interference", "duplex.synchronised": True, **THREE_AUVS},
+    ),
+    "interference-sonar": Case(
+        "paper/k3-tdd",
+        TDD | SHARED | DISTURBED,
+        {**SONAR, "channel": {**SONAR["channel"], "access": "interference"}, **TWO_AUVS},
+    ),
     "equation-fdd": Case("paper/k3-fdd", FDD, {**EQUATION, **COLD}),
     "equation-tdd": Case("paper/k3-tdd", TDD, {**EQUATION, **WARM}),
     "tiny-cells-table": Case("paper/k3-fdd", FDD, {"charging.power_w": 30, **TINY_CELLS}),

@@ -32,10 +32,14 @@ def draw_actions(scenario, seed, slots=60, envs=2):
     return np.stack([rng.integers(0, n, shape) for n in sizes], axis=-1)
 
 
+ACCESS = ("orthogonal", "interference", "exclusive")
 scenarios = st.builds(
-    lambda name, auvs: load_scenario(name, {"auvs.start_cells": STARTS[:auvs]}),
+    lambda name, auvs, access: load_scenario(
+        name, {"auvs.start_cells": STARTS[:auvs], "channel.access": access}
+    ),
     st.sampled_from(NAMES),
     st.integers(1, 3),
+    st.sampled_from(ACCESS),
 )
 laws = settings(max_examples=25, deadline=None)
 
@@ -178,3 +182,78 @@ def test_random_layouts_have_one_node_a_cell_and_are_pinned_by_the_seed_of_a_run
     assert pin_layout(pinned, 5) is pinned
     fixed = load_scenario("paper/k3-fdd")
     assert pin_layout(fixed, 1) is fixed
+
+
+def test_starts_that_are_not_given_spread_out():
+    world = World(load_scenario("paper/k3-fdd", {"auvs.count": 5}))
+    starts = world.grid.coordinate_table()[world.reset(np.zeros((1, 3), int)).cell[0]] + 1
+    assert starts[0].tolist() == [5, 5, 2]
+    assert len({tuple(cell) for cell in starts.tolist()}) == 5
+    # The corners far from the middle of ten cells.
+    assert starts[1:].tolist() == [[10, 10, 4], [1, 10, 4], [10, 1, 4], [1, 1, 4]]
+
+
+def test_hovering_stays_and_is_no_move_out_of_the_grid():
+    scenario = load_scenario(
+        "paper/k3-fdd", {"auvs.motion": "hover", "auvs.start_cells": [[1, 1, 1]]}
+    )
+    world = World(scenario)
+    assert world.action_sizes == (7, 3, 3)
+    state = world.reset(np.zeros((1, 3), int))
+    after, events = world.step(state, np.array([[[6, 0, 0]]]))
+    assert (after.cell == state.cell).all()
+    assert not events.left_grid.any()
+    _, events = world.step(state, np.array([[[1, 0, 0]]]))
+    assert events.left_grid.all()
+    assert world.action_mask(state)[0, 0, :7].tolist() == [1, 0, 1, 0, 1, 0, 1]
+
+
+def moved(starts, directions, **changes):
+    """Cells, and who was kept from moving, after one slot in a row of ten cells."""
+    row = {"grid.cells": [10, 1, 1], "nodes.cells": [[1, 1, 1]], "nodes.count": 1}
+    starts = {"auvs.start_cells": [[x, 1, 1] for x in starts]}
+    scenario = load_scenario("paper/k3-fdd", {**row, **starts, "auvs.motion": "hover", **changes})
+    world = World(scenario)
+    state = world.reset(np.zeros((1, 1), int))
+    after, events = world.step(state, np.array([[[d, 0, 0] for d in directions]]))
+    cells = world.grid.coordinate_table()[after.cell[0]][:, 0] + 1
+    return cells.tolist(), events.blocked[0].tolist()
+
+
+RIGHT, LEFT, HOVER = 0, 1, 6
+
+
+@pytest.mark.parametrize(
+    ("starts", "directions", "cells", "blocked"),
+    [
+        ([2, 4], [RIGHT, LEFT], [2, 4], [1, 1]),  # into one cell
+        ([2, 3], [RIGHT, LEFT], [2, 3], [1, 1]),  # past one another
+        ([2, 3], [RIGHT, RIGHT], [3, 4], [0, 0]),  # one behind the other
+        ([2, 3, 4], [RIGHT, RIGHT, HOVER], [2, 3, 4], [1, 1, 0]),  # up to one that stays
+        ([1, 2, 3, 5], [RIGHT, RIGHT, RIGHT, LEFT], [1, 2, 3, 5], [1, 1, 1, 1]),  # a chain
+        ([9, 10], [RIGHT, RIGHT], [9, 10], [1, 0]),  # the wall stops one, and it the other
+        ([2, 5], [RIGHT, LEFT], [3, 4], [0, 0]),
+    ],
+)
+def test_auvs_stay_where_their_moves_would_meet(starts, directions, cells, blocked):
+    assert moved(starts, directions) == (cells, [bool(b) for b in blocked])
+
+
+def test_a_wider_separation_keeps_them_farther_apart_and_none_lets_them_meet():
+    assert moved([2, 5], [RIGHT, LEFT], **{"auvs.separation_cells": 2}) == ([2, 5], [True, True])
+    assert moved([2, 4], [RIGHT, LEFT], **{"auvs.separation_cells": 0})[0] == [3, 3]
+
+
+@laws
+@given(scenarios, st.integers(0, 10**6), st.sampled_from([1.0, 1.5, 2.0]))
+def test_auvs_never_come_nearer_than_their_separation(scenario, seed, separation):
+    small = {"grid.cells": [4, 3, 2], "nodes.cells": [[1, 1, 1], [2, 2, 2], [4, 3, 1]]}
+    starts = {"auvs.start_cells": [[1, 1, 1], [4, 3, 2], [1, 3, 1]][: scenario.num_auvs]}
+    changes = {**small, **starts, "nodes.count": 3, "auvs.separation_cells": separation}
+    scenario = load_scenario(scenario, changes)
+    world, history = play(scenario, draw_actions(scenario, seed))
+    for state, _ in history:
+        cells = world.grid.coordinate_table()[state.cell].astype(float)
+        for a, b in itertools.combinations(range(scenario.num_auvs), 2):
+            apart = np.linalg.norm(cells[:, a] - cells[:, b], axis=-1)
+            assert (apart >= separation - 1e-9).all()
