@@ -126,7 +126,10 @@ def test_masks_hide_nodes_in_the_papers_scenarios(name):
 @pytest.mark.parametrize("duplex", ["fdd", "tdd"])
 @pytest.mark.parametrize("auvs", STARTS)
 def test_a_direction_is_masked_where_it_leaves_the_grid_and_only_there(duplex, auvs):
-    env = iout_v0.parallel_env(scenario(duplex, auvs, mask="info", slots=100))
+    # What keeps AUVs apart is no matter of the grid.
+    freely = {"auvs.separation_cells": 0}
+    masked = scenario(duplex, auvs, mask="info", slots=100)
+    env = iout_v0.parallel_env(load_scenario(masked, freely))
     size = np.array(env.scenario.grid.cells)
     rng = np.random.default_rng(1)
     observations, infos = env.reset(seed=0)
