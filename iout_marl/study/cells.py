@@ -83,6 +83,7 @@ def expand(
     cells = [
         cell
         for name, group in study.groups.items()
+        if not (quick and name in study.quick.without)
         for cell in _expand_group(study, layer, name, group, over, quick=quick)
     ]
     if quick and study.quick.axis is not None:

@@ -42,6 +42,8 @@ class Quick(Section):
     axis: Annotated[tuple[float, ...], Field(min_length=1, strict=False)] | None = None
     #: How many seeds of each group, from its first.
     seeds: Count | None = None
+    #: Groups that are left out.
+    without: Annotated[tuple[str, ...], Field(strict=False)] = ()
     #: Dotted keys over those of every group.
     settings: Settings = Field(default_factory=dict)
 
@@ -90,6 +92,14 @@ class Study(Section):
     #: Carbon intensity of the electricity, in g of CO2 for a kWh; codecarbon's of the world.
     carbon_g_per_kwh: NonNegative = 475.0
     groups: Annotated[dict[str, Group], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _leave_out_what_is_there(self) -> Study:
+        for i, name in enumerate(self.quick.without):
+            if name not in self.groups:
+                hint = did_you_mean(name, self.groups)
+                raise invalid(("quick", "without", i), f"unknown group {name!r}{hint}")
+        return self
 
 
 def load_study(source: str | Path) -> tuple[Study, Layer]:

@@ -39,6 +39,12 @@ def test_quick_keeps_its_values_of_the_axis_and_its_number_of_seeds(tmp_path):
     ]
 
 
+def test_quick_leaves_out_the_groups_it_names(tmp_path):
+    path = write_study(tmp_path / "study.yaml", quick={"without": ["trained"]})
+    assert {c.group for c in cells_of(path)} == {"baseline", "trained"}
+    assert {c.group for c in cells_of(path, quick=True)} == {"baseline"}
+
+
 def test_quick_settings_lie_over_those_of_the_groups_and_overrides_over_all(tmp_path):
     quick = {"settings": {"training.steps": 240}}
     path = write_study(tmp_path / "study.yaml", quick=quick)
@@ -122,6 +128,10 @@ MISTAKES = {
     "unknown setting": (
         changed("trained", settings={"reward.age_wieght": 0}),
         r"groups\.trained: .*reward\.age_wieght: unknown key; did you mean 'age_weight'\?",
+    ),
+    "unknown group": (
+        {"quick": {"without": ["trianed"]}},
+        r"quick\.without\[0\]: unknown group 'trianed'; did you mean 'trained'",
     ),
     "unknown key": ({"gruops": {}}, "gruops: unknown key; did you mean 'groups'"),
     "unknown report": (
