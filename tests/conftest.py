@@ -2,26 +2,10 @@
 
 import pytest
 import torch
+from tiny_study import TINY
 
 from iout_marl import load_scenario
 from iout_marl.cli import main
-
-#: Two nodes in six cells, episodes of 20 slots, seven iterations of a few milliseconds.
-TINY = {
-    "grid.cells": [3, 2, 1],
-    "nodes.cells": [[1, 1, 1], [3, 2, 1]],
-    "nodes.count": 2,
-    "auvs.start_cells": [[2, 1, 1]],
-    "episode.duration_s": 500,
-    "age.maximum": 15,
-    "training.steps": 560,
-    "training.environments": 4,
-    "training.rollout_slots": 20,
-    "training.epochs": 2,
-    "training.minibatches": 2,
-    "training.hidden_units": [8],
-    "training.checkpoint_steps": 240,
-}
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -56,5 +40,21 @@ def iout(capsys):
             main([str(word) for word in words])
         printed = capsys.readouterr()
         return ended.value.code or 0, printed.out, printed.err
+
+    return run
+
+
+@pytest.fixture
+def refused(iout):
+    """Runs a command line that must be refused; returns the line."""
+
+    def run(*words):
+        status, out, err = iout(*words)
+        assert status == 2
+        assert out == ""
+        assert err.endswith("\n")
+        assert err[:-1].isprintable(), "not one line"
+        assert err.startswith("iout: ")
+        return err[len("iout: ") : -1]
 
     return run

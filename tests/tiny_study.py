@@ -1,15 +1,18 @@
-"""A study whose trainings take a fraction of a second, and a pool that needs no processes."""
+"""A scenario that is small in every respect, a study of it, and a pool without processes."""
 
 import json
 import os
 import signal
+import time
 
 from iout_marl.study.pools import LocalProcesses
 from iout_marl.study.worker import run_cell
 
-SETTINGS = {
+#: Two nodes in six cells, episodes of 20 slots, seven iterations of a few milliseconds.
+TINY = {
     "grid.cells": [3, 2, 1],
-    "nodes.cells": [[1, 1, 1], [3, 2, 1], [1, 2, 1]],
+    "nodes.cells": [[1, 1, 1], [3, 2, 1]],
+    "nodes.count": 2,
     "auvs.start_cells": [[2, 1, 1]],
     "episode.duration_s": 500,
     "age.maximum": 15,
@@ -19,7 +22,13 @@ SETTINGS = {
     "training.epochs": 2,
     "training.minibatches": 2,
     "training.hidden_units": [8],
+    "training.checkpoint_steps": 240,
 }
+
+#: The same with a third node, of which `nodes.count` chooses.
+SETTINGS = {**TINY, "nodes.cells": [*TINY["nodes.cells"], [1, 2, 1]]}
+#: Seconds after which something that is waited for is given up.
+PATIENCE_S = 120
 
 #: Nodes 1 to 3, two policies, two seeds.
 STUDY = {
@@ -45,6 +54,15 @@ STUDY = {
         },
     },
 }
+
+
+def wait_for(condition):
+    """What `condition` returns, as soon as that is true."""
+    end = time.monotonic() + PATIENCE_S
+    while not (found := condition()):
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+    return found
 
 
 def write_study(path, **changes):

@@ -15,22 +15,6 @@ def _working_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.fixture
-def refused(iout):
-    """Runs a command line that must be refused; returns the line."""
-
-    def run(*words):
-        status, out, err = iout(*words)
-        assert status == 2
-        assert out == ""
-        assert err.endswith("\n")
-        assert err[:-1].isprintable(), "not one line"
-        assert err.startswith("iout: ")
-        return err[len("iout: ") : -1]
-
-    return run
-
-
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory, tiny):
     folder = tmp_path_factory.mktemp("finished") / "run"

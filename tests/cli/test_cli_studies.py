@@ -98,21 +98,6 @@ def test_a_failed_cell_is_named_and_the_status_is_1(iout, tmp_path):
     assert "training diverged" in (tmp_path / "out" / "report.md").read_text()
 
 
-@pytest.fixture
-def refused(iout):
-    """Runs a command line that must be refused; returns the line."""
-
-    def run(*words):
-        status, out, err = iout(*words)
-        assert status == 2
-        assert out == ""
-        assert err.startswith("iout: ")
-        assert err.count("\n") == 1
-        return err
-
-    return run
-
-
 def test_unknown_study_and_policy_are_refused(refused, tmp_path):
     assert "no study 'papper'; did you mean 'paper'?" in refused("reproduce", "--study", "papper")
     trained = {**STUDY["groups"]["trained"], "policies": ["gredy"]}

@@ -4,23 +4,12 @@ import json
 import os
 import subprocess
 import sys
-import time
 
 import pytest
-from tiny_study import STUDY, write_study
+from tiny_study import PATIENCE_S, STUDY, wait_for, write_study
 
 from iout_marl import InputError
 from iout_marl.study.pools import DaskCluster
-
-PATIENCE_S = 120
-
-
-def wait_for(condition):
-    end = time.monotonic() + PATIENCE_S
-    while not (found := condition()):
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.02)
-    return found
 
 
 @pytest.fixture

@@ -5,16 +5,14 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import psutil
 import pytest
-from tiny_study import STUDY, write_study
+from tiny_study import PATIENCE_S, STUDY, wait_for, write_study
 
 #: Trainings of a second or two: long enough to be killed in.
 SETTINGS = {"training.steps": 4_000}
 CELLS = 6
-PATIENCE_S = 120
 
 
 @pytest.fixture
@@ -53,14 +51,6 @@ def start(study, tmp_path):
     for process in started:
         process.kill()
         process.communicate()
-
-
-def wait_for(condition):
-    end = time.monotonic() + PATIENCE_S
-    while not (found := condition()):
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.02)
-    return found
 
 
 def finished_cells(tmp_path):
