@@ -88,46 +88,70 @@ def at_each_place(
     return Finding(what, tuple(c for c in found if c is not None))
 
 
+def pairs(
+    results: Results,
+    metric: str,
+    first: str,
+    second: str,
+    places: Sequence[float] | None = None,
+) -> list[tuple[float, Measured, Measured]]:
+    """A metric of two series, at every place where both were measured."""
+
+    def measure(series: str, place: float) -> Measured | None:
+        return results.measured(series, place, metric)
+
+    return paired(results, measure, first, second, places)
+
+
+def paired(
+    results: Results,
+    measure: Callable[[str, float], Measured | None],
+    first: str,
+    second: str,
+    places: Sequence[float] | None = None,
+) -> list[tuple[float, Measured, Measured]]:
+    """As `pairs`, of whatever `measure` finds for a series and a place."""
+    found = []
+    for place in results.places() if places is None else places:
+        a, b = measure(first, place), measure(second, place)
+        if a is not None and b is not None:
+            found.append((place, a, b))
+    return found
+
+
 def lower(
     results: Results,
     metric: str,
     first: str,
     second: str,
     places: Sequence[float] | None = None,
-    *,
-    what: str = "",
 ) -> Finding:
     """The first series has less of a metric than the second, by the interval of the ratio."""
+    shares = pairs(results, metric, first, second, places)
+    return less(results, f"{first} below {second} by", shares)
 
-    def check(place: float) -> Check | None:
-        a, b = (results.measured(name, place, metric) for name in (first, second))
-        if a is None or b is None:
-            return None
+
+def less(
+    results: Results, what: str, measured: Sequence[tuple[float, Measured, Measured]]
+) -> Finding:
+    """Of each pair the first is less than the second, by the interval of the ratio."""
+    checks = []
+    for place, a, b in measured:
         share = reduction(a, b)
-        return Check.positive(f"{symbol(results, place)}: {percent(share)}", share)
-
-    return at_each_place(results, what or f"{first} below {second} by", check, places)
+        checks.append(Check.positive(f"{symbol(results, place)}: {percent(share)}", share))
+    return Finding(what, tuple(checks))
 
 
 def higher(
-    results: Results,
-    metric: str,
-    first: str,
-    second: str,
-    digits: int,
-    unit: str = "",
-    places: Sequence[float] | None = None,
+    results: Results, metric: str, first: str, second: str, digits: int, unit: str = ""
 ) -> Finding:
     """The first series has more of a metric than the second, by the interval of the difference."""
-
-    def check(place: float) -> Check | None:
-        a, b = (results.measured(name, place, metric) for name in (first, second))
-        if a is None or b is None:
-            return None
+    checks = []
+    for place, a, b in pairs(results, metric, first, second):
         more = difference(a, b)
-        return Check.positive(f"{symbol(results, place)}: {number(more, digits, unit)}", more)
-
-    return at_each_place(results, f"{first} above {second} by", check, places)
+        text = f"{symbol(results, place)}: {number(more, digits, unit)}"
+        checks.append(Check.positive(text, more))
+    return Finding(f"{first} above {second} by", tuple(checks))
 
 
 def within(
@@ -154,15 +178,3 @@ def within(
         return Check(text, holds, open=not holds and reaches)
 
     return at_each_place(results, f"{series} {what}", check, places)
-
-
-def paired(
-    results: Results, measure: Callable[[str, float], Measured | None], first: str, second: str
-) -> list[tuple[float, Measured, Measured]]:
-    """Both series' measurements at every place where both were made."""
-    found = []
-    for place in results.places():
-        a, b = measure(first, place), measure(second, place)
-        if a is not None and b is not None:
-            found.append((place, a, b))
-    return found

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 from iout_marl.report import explanations
@@ -19,8 +20,10 @@ from iout_marl.report.checks import (
     about,
     at_each_place,
     higher,
+    less,
     lower,
     paired,
+    pairs,
     symbol,
     verdict,
     within,
@@ -32,7 +35,7 @@ from iout_marl.report.link_figures import (
     harvest_and_requirement,
     normalised_square_error,
 )
-from iout_marl.report.measures import difference, number, percent, reduction
+from iout_marl.report.measures import difference, number, reduction
 from iout_marl.report.names import BASELINES, FDD, GREEDY, RANDOM_WALK, ROUND_ROBIN, TDD, in_fdd
 from iout_marl.report.paper_tables import energy_kwh
 from iout_marl.report.sources import claims
@@ -56,15 +59,10 @@ def _mean_reduction(
     results: Results, first: str, second: str, places: list[float], target: float, what: str
 ) -> Finding:
     """The reduction of mean AoI, averaged over places, is about the target."""
-    pairs = [
-        (a, b)
-        for place in places
-        if (a := results.measured(first, place, "mean_aoi"))
-        and (b := results.measured(second, place, "mean_aoi"))
-    ]
-    if not pairs:
+    measured = pairs(results, "mean_aoi", first, second, places)
+    if not measured:
         return Finding(what, ())
-    share = sum(reduction(a, b).mean for a, b in pairs) / len(pairs)
+    share = sum(reduction(a, b).mean for _, a, b in measured) / len(measured)
     where = ", ".join(f"{place:g}" for place in places)
     text = f"{100 * share:.1f} % over K = {where}"
     return Finding(what, (Check(text, about(share, target)),))
@@ -76,15 +74,8 @@ def _random_walk_highest(results: Results) -> Findings:
 
 
 def _round_robin(results: Results) -> Findings:
-    largest = max(
-        (
-            reduction(a, b).mean
-            for place in _large(results)
-            if (a := results.measured(ROUND_ROBIN, place, "mean_aoi"))
-            and (b := results.measured(RANDOM_WALK, place, "mean_aoi"))
-        ),
-        default=None,
-    )
+    large = pairs(results, "mean_aoi", ROUND_ROBIN, RANDOM_WALK, _large(results))
+    largest = max((reduction(a, b).mean for _, a, b in large), default=None)
     most = () if largest is None else (Check(f"{100 * largest:.1f} %", about(largest, 0.25)),)
     return [
         lower(results, "mean_aoi", ROUND_ROBIN, RANDOM_WALK),
@@ -116,15 +107,14 @@ def _fdd_lowest(results: Results) -> Findings:
 
 
 def _baseline_energy(results: Results) -> Findings:
-    def same(place: float) -> Check | None:
-        a, b = (results.measured(n, place, "harvested_kj") for n in (RANDOM_WALK, ROUND_ROBIN))
-        if a is None or b is None:
-            return None
-        text = f"{symbol(results, place)}: {number(difference(a, b), 2, 'kJ')}"
-        return Check(text, about(a.mean, b.mean))
-
+    same = tuple(
+        Check(
+            f"{symbol(results, place)}: {number(difference(a, b), 2, 'kJ')}", about(a.mean, b.mean)
+        )
+        for place, a, b in pairs(results, "harvested_kj", RANDOM_WALK, ROUND_ROBIN)
+    )
     return [
-        at_each_place(results, f"{RANDOM_WALK} within a fifth of {ROUND_ROBIN}", same),
+        Finding(f"{RANDOM_WALK} within a fifth of {ROUND_ROBIN}", same),
         *(
             within(results, "harvested_kj", name, (0, 7), "at most 7 kJ", 2, "kJ")
             for name in (RANDOM_WALK, ROUND_ROBIN)
@@ -262,17 +252,13 @@ def _yes(true: bool) -> str:  # noqa: FBT001
 
 
 def _cost(results: Results) -> Findings:
-    def finding(measure: Callable[[str, float], Measured | None], what: str) -> Finding:
-        checks = []
-        for place, tdd, fdd in paired(results, measure, TDD, FDD):
-            share = reduction(tdd, fdd)
-            checks.append(Check.positive(f"{symbol(results, place)}: {percent(share)}", share))
-        return Finding(what, tuple(checks))
+    def finding(measure: Callable[[Results, str, float], Measured | None], what: str) -> Finding:
+        return less(results, what, paired(results, partial(measure, results), TDD, FDD))
 
     energy = "with less energy and so less CO₂ (as codecarbon estimates them), by"
     return [
-        finding(lambda s, p: seconds(results, s, p), "TDD trains in less time, by"),
-        finding(lambda s, p: energy_kwh(results, s, p), energy),
+        finding(seconds, "TDD trains in less time, by"),
+        finding(energy_kwh, energy),
     ]
 
 

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from iout_marl.report.checks import symbol
+from iout_marl.report.checks import pairs, symbol
 from iout_marl.report.measures import difference, metric, number, percent, reduction
 from iout_marl.report.names import (
     BASELINES,
@@ -21,14 +21,11 @@ from iout_marl.report.names import (
     TDD,
     in_fdd,
 )
-from iout_marl.report.study_figures import seconds
+from iout_marl.report.study_figures import curves, seconds
 from iout_marl.scenario import FixedNodes, load_scenario
 from iout_marl.study.results import Results
 
 Explanation: TypeAlias = Callable[[Results], list[str]]
-
-#: Ways to score an episode: metric, and what it is called.
-SCORES = {"mean_aoi": "time average", "final_aoi": "final", "peak_aoi": "peak"}
 
 
 def none(_: Results) -> list[str]:
@@ -131,12 +128,8 @@ def _mean_curve(
     results: Results, series: str, place: float, curve: str
 ) -> tuple[list[float], list[float]] | None:
     """Environment steps, and the mean over seeds of a curve; None where nothing was trained."""
-    curves = [r.training.curve for r in results.records(series, place) if r.training]
-    if not curves:
-        return None
-    shortest = min(len(c["env_steps"]) for c in curves)
-    mean = np.mean([c[curve][:shortest] for c in curves], axis=0)
-    return curves[0]["env_steps"][:shortest], mean.tolist()
+    steps, values = curves(results.records(series, place), curve)
+    return (steps, values.mean(axis=0).tolist()) if steps else None
 
 
 def _first_step(
@@ -158,9 +151,9 @@ def _first_step(
     return f"not within {found[0][-1] / 1e6:.1f} M steps"
 
 
-def _by_place(results: Results, series: str, name: str, unit: str = "") -> str:
+def _by_place(results: Results, series: str, name: str) -> str:
     return "; ".join(
-        f"{symbol(results, place)}: {metric(results.measured(series, place, name), name)}{unit}"
+        f"{symbol(results, place)}: {metric(results.measured(series, place, name), name)}"
         for place in results.places(series)
     )
 
@@ -221,11 +214,10 @@ def _seeds(results: Results, series: str, name: str, digits: int) -> str:
 
 def fairness_order(results: Results) -> list[str]:
     """What the index leaves out: how many packets arrive at all."""
-    gaps = []
-    for place in results.places():
-        a, b = results.measured(FDD, place, "jain"), results.measured(TDD, place, "jain")
-        if a is not None and b is not None:
-            gaps.append(f"{symbol(results, place)}: {number(difference(a, b), 3)}")
+    gaps = [
+        f"{symbol(results, place)}: {number(difference(a, b), 3)}"
+        for place, a, b in pairs(results, "jain", FDD, TDD)
+    ]
     near = f"PPO-FDD's index minus PPO-TDD's: {'; '.join(gaps)}."
     packets = (
         "The index counts shares, not packets. Share of slots that deliver, PPO-TDD: "

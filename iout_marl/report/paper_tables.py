@@ -73,9 +73,9 @@ def cost_table(results: Results) -> Table:
                 number(time.estimate, 1, "s"),
                 f"{60 * printed.minutes / time.mean:,.0f}",
                 f"{1000 * printed.energy_kwh:.1f}",
-                _milli(energy, 1000),
+                _milli(energy),
                 f"{1000 * printed.co2_kg:.1f}",
-                _milli(co2, 1000),
+                _milli(co2),
             )
         )
     used = {
@@ -118,10 +118,11 @@ def cost_table(results: Results) -> Table:
     )
 
 
-def _milli(measured: Measured | None, factor: float) -> str:
+def _milli(measured: Measured | None) -> str:
+    """In thousandths of its unit."""
     if measured is None:
         return "–"
-    return number(Measured(tuple(factor * v for v in measured.samples), measured.over).estimate, 3)
+    return number(Measured(tuple(1000 * v for v in measured.samples), measured.over).estimate, 3)
 
 
 def hyperparameter_table(results: Results) -> Table:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from iout_marl.episode import Episode
 from iout_marl.evaluation import Estimate
@@ -134,14 +135,20 @@ def _place_label(results: Results, name: str, place: float, series: Sequence[str
     return where if len(series) == 1 else f"{name}, {where}"
 
 
+def curves(records: Sequence[Record], curve: str) -> tuple[list[float], npt.NDArray[np.float64]]:
+    """Environment steps, and the curve of every training among the records, (seeds, steps)."""
+    found = [r.training.curve for r in records if r.training]
+    shortest = min((len(c["env_steps"]) for c in found), default=0)
+    steps = found[0]["env_steps"][:shortest] if found else []
+    return steps, np.array([c[curve][:shortest] for c in found])
+
+
 def _learning_line(label: str, records: Sequence[Record], curve: str, colour: int) -> Line:
-    curves = [r.training.curve for r in records if r.training]
-    shortest = min(len(c["env_steps"]) for c in curves)
-    values = np.array([c[curve][:shortest] for c in curves])
-    several = len(curves) > 1
+    steps, values = curves(records, curve)
+    several = len(values) > 1
     return Line(
         label,
-        tuple(curves[0]["env_steps"][:shortest]),
+        tuple(steps),
         tuple(values.mean(axis=0).tolist()),
         tuple(values.min(axis=0).tolist()) if several else (),
         tuple(values.max(axis=0).tolist()) if several else (),

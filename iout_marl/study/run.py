@@ -204,7 +204,6 @@ class _Progress:
     """A bar in a terminal, a line for each cell elsewhere."""
 
     def __init__(self, console: Console, finished: int, total: int) -> None:
-        self._console = console
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(bar_width=None),
