@@ -69,11 +69,9 @@ def train(
     resume: bool = False,
     console: Console | None = None,
     evaluation_episodes: int = 100,
+    catch_signals: bool = True,
 ) -> TrainingOutcome:
     """Train a policy, and evaluate it at the end.
-
-    On SIGINT and SIGTERM the running iteration is finished, everything is saved, and the
-    training can be resumed.
 
     Args:
         scenario: what to train on, and how.
@@ -83,6 +81,8 @@ def train(
         resume: go on with the run in `out`.
         console: where the progress goes; standard error by default.
         evaluation_episodes: episodes of the final evaluation.
+        catch_signals: on SIGINT and SIGTERM, finish the running iteration and save everything,
+            so that the training can be resumed. Otherwise they have their usual effect.
 
     Raises:
         InputError: `out` holds a run already (or, to resume, none, or one of another
@@ -100,7 +100,7 @@ def train(
         run.create(trainer.scenario)
     with (
         TrainingLog(run, scenario.name, trainer.settings.steps, trainer.env_steps, console) as log,
-        _stop_signals() as stop,
+        _stop_signals(catch=catch_signals) as stop,
     ):
         saved_at = trainer.env_steps
         while not trainer.finished and not stop:
@@ -177,8 +177,8 @@ def _result(trainer: Trainer, evaluation: Evaluation, seconds: float) -> str:
 
 
 @contextmanager
-def _stop_signals() -> Iterator[list[int]]:
-    """While inside, SIGINT and SIGTERM only leave their number in the list.
+def _stop_signals(*, catch: bool) -> Iterator[list[int]]:
+    """While inside, SIGINT and SIGTERM only leave their number in the list, if caught.
 
     A second signal has its usual effect. Outside the main thread, where no handler may
     be set, the list stays empty.
@@ -192,7 +192,7 @@ def _stop_signals() -> Iterator[list[int]]:
             signal.signal(name, handler)
 
     try:
-        for name in (signal.SIGINT, signal.SIGTERM):
+        for name in (signal.SIGINT, signal.SIGTERM) if catch else ():
             before[name] = signal.signal(name, note)
     except ValueError:
         pass

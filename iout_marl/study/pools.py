@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import signal
+import tempfile
 import threading
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -15,7 +16,7 @@ from typing import Any, Protocol, TypeAlias
 
 from iout_marl.errors import InputError
 from iout_marl.study.cells import Cell
-from iout_marl.study.worker import FOLDERS, Output, StoppedError, run_cell
+from iout_marl.study.worker import Output, run_cell
 
 #: A cell, and what came of it.
 Outcome: TypeAlias = tuple[Cell, Output | Exception]
@@ -45,14 +46,6 @@ class WorkerDiedError(Exception):
         super().__init__("its process died, twice (out of memory?)")
 
 
-def _run_or_exit(cell: Cell, carbon_g_per_kwh: float) -> Output:
-    """Run a cell. A signal that stops its training ends the process, as it would without one."""
-    try:
-        return run_cell(cell, carbon_g_per_kwh)
-    except StoppedError:
-        os._exit(1)
-
-
 class LocalProcesses:
     """Processes of this machine, one thread each.
 
@@ -61,7 +54,7 @@ class LocalProcesses:
     """
 
     #: What each process does; it goes there by its name.
-    task = staticmethod(_run_or_exit)
+    task = staticmethod(run_cell)
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
@@ -73,16 +66,19 @@ class LocalProcesses:
     def run(self, cells: Sequence[Cell], carbon_g_per_kwh: float) -> Iterator[Outcome]:
         """See `Pool`. Cells that ran as a process died are run once more, one by one."""
         waiting = list(cells)
-        while waiting:
-            suspects, waiting = yield from self._round(waiting, self.jobs, carbon_g_per_kwh)
-            # Whose fault it was shows as they run one by one.
-            while suspects:
-                guilty, suspects = yield from self._round(suspects, 1, carbon_g_per_kwh)
-                for cell in guilty:
-                    yield cell, WorkerDiedError()
+        with tempfile.TemporaryDirectory(prefix="iout-") as folder:
+            while waiting:
+                suspects, waiting = yield from self._round(
+                    waiting, self.jobs, carbon_g_per_kwh, folder
+                )
+                # Whose fault it was shows as they run one by one.
+                while suspects:
+                    guilty, suspects = yield from self._round(suspects, 1, carbon_g_per_kwh, folder)
+                    for cell in guilty:
+                        yield cell, WorkerDiedError()
 
     def _round(
-        self, cells: Sequence[Cell], jobs: int, carbon_g_per_kwh: float
+        self, cells: Sequence[Cell], jobs: int, carbon_g_per_kwh: float, folder: str
     ) -> Generator[Outcome, None, tuple[list[Cell], list[Cell]]]:
         """Run cells until all are done or a process dies; the cells it took along, and the rest."""
         waiting = list(cells)
@@ -93,6 +89,7 @@ class LocalProcesses:
             # A forked copy of torch's thread pools would hang.
             mp_context=multiprocessing.get_context("spawn"),
             initializer=_start_worker,
+            initargs=(folder,),
         )
         try:
             while (waiting or running) and not suspects:
@@ -120,15 +117,21 @@ class LocalProcesses:
             executor.shutdown(cancel_futures=True)
 
 
-def _start_worker() -> None:
-    """Leave Ctrl-C to the main process, and end with it, however it ends."""
+def _start_worker(folder: str) -> None:
+    """Leave Ctrl-C to the main process, and end with it, however it ends.
+
+    Args:
+        folder: where temporary files go. It belongs to the main process, for a worker that is
+            killed clears nothing away; one that outlives the main process does it in its stead.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    tempfile.tempdir = folder
     parent = multiprocessing.parent_process()
     assert parent is not None
 
     def follow() -> None:
         parent.join()
-        for folder in FOLDERS:
+        for _ in range(10):  # a training may write into it meanwhile
             shutil.rmtree(folder, ignore_errors=True)
         os._exit(1)
 

@@ -37,7 +37,7 @@ from iout_marl.study.results import (
     record_to_json,
 )
 from iout_marl.study.schema import Study
-from iout_marl.study.worker import Output, StoppedError
+from iout_marl.study.worker import Output
 from iout_marl.world import WORLD_VERSION
 
 
@@ -173,8 +173,6 @@ def run_study(
         )
         with _Progress(console, finished, len(records)) as progress:
             for cell, outcome in pool.run(missing, study.carbon_g_per_kwh):
-                if isinstance(outcome, StoppedError):
-                    raise KeyboardInterrupt
                 if isinstance(outcome, Exception):
                     failures.append(_failure(cell, outcome))
                     progress.tell(cell, f"FAILED: {failures[-1].error}")

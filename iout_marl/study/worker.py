@@ -6,8 +6,6 @@ import datetime as dt
 import functools
 import json
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,14 +20,8 @@ from iout_marl.world import pin_layout
 #: What of a training's log goes into the report, and at how many points at most.
 CURVES = ("aoi/mean", "fairness/jain", "energy/harvested_kj", "reward/total")
 CURVE_POINTS = 60
-#: Folders that trainings of this process are in; they go with it, however it ends.
-FOLDERS: set[str] = set()
 #: Of a run's folder, what only serves to go on with an unfinished training.
 LEFT_OUT = ("checkpoint.pt",)
-
-
-class StoppedError(Exception):
-    """A training was told to stop."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +55,7 @@ def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
     # As many cells as cores run side by side.
     torch.set_num_threads(1)
     _warm_up()
-    with _folder() as folder:
+    with tempfile.TemporaryDirectory(prefix="iout-") as folder:
         outcome, emissions = measured(
             lambda: trainers.train(
                 cell.scenario,
@@ -71,11 +63,11 @@ def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
                 cell.seed,
                 console=Console(quiet=True),
                 evaluation_episodes=cell.episodes,
+                catch_signals=False,
             ),
             carbon_g_per_kwh,
         )
-        if outcome.evaluation is None:
-            raise StoppedError(cell.key)
+        assert outcome.evaluation is not None  # nothing stops it early
         training = TrainingRecord(
             settings=cell.scenario.training.model_dump(mode="json"),
             env_steps=outcome.trainer.env_steps,
@@ -87,16 +79,6 @@ def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
         record = Record.of(cell, outcome.evaluation.samples, _today(), training, episode)
         files = [path for path in outcome.run.path.iterdir() if path.name not in LEFT_OUT]
         return Output(record, {path.name: path.read_bytes() for path in files})
-
-
-@contextmanager
-def _folder() -> Iterator[str]:
-    with tempfile.TemporaryDirectory(prefix="iout-") as folder:
-        FOLDERS.add(folder)
-        try:
-            yield folder
-        finally:
-            FOLDERS.discard(folder)
 
 
 @functools.cache

@@ -116,6 +116,12 @@ def assert_equal_runs(first, second):
     assert results[0]["metrics"] == results[1]["metrics"]
 
 
+def test_signals_have_their_usual_effect_where_they_are_not_to_be_caught(run, interrupt, tmp_path):
+    interrupt(2, lambda: os.kill(os.getpid(), signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path / "run", catch_signals=False)
+
+
 @pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
 def test_stopped_run_goes_on_bit_for_bit(tmp_path, run, interrupt, changes):
     run(tmp_path / "whole", changes)
