@@ -14,6 +14,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from oracle_team import Notebook
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -206,6 +208,7 @@ class Oracle:
         self.peak_age = self.capped_ages = 0
         self.events: list[Slot] = []
         self.silenced = 0  # uplinks that fell silent so that others could be heard
+        self.notebooks = [Notebook(self, auv) for auv in self.auvs]
 
     def loneliest_cell(self) -> Cell:
         """The cell farthest from every AUV so far, the first of them in x, y, z."""
@@ -243,6 +246,8 @@ class Oracle:
         self.uplink(able)
         self.grow_older()
         self.slot += 1
+        for notebook in self.notebooks:
+            notebook.turn_page()
 
     def move(self, directions: Sequence[int]) -> None:
         """Eq. `direction`; a move out of the grid leaves the AUV where it is.
@@ -425,13 +430,15 @@ class Oracle:
     def reward_terms(self) -> dict[str, list[float]]:
         """Eqs. `reward function` and `penalty …` for the slot just stepped, for each AUV."""
         reward = self.scenario.reward
-        weights = self.scenario.node_weights
-        mean = sum(weights[k] * self.age[k] for k in self.nodes) / len(self.nodes)
+        ages = [self.age_term(self.age, self.jain()) for _ in self.auvs]
+        if reward.credit == "difference":
+            for auv, book in enumerate(self.notebooks):
+                ages[auv] -= self.age_term(book.age_without, book.jain_without())
         if reward.kind == "mean_age":
-            return {"age": [-mean for _ in self.auvs]}
+            return {"age": ages}
         fair_share = self.scenario.num_slots / len(self.nodes)
         terms = {
-            "age": [-reward.age_weight * (1 - self.jain()) * mean for _ in self.auvs],
+            "age": ages,
             "location": [-reward.location_penalty * e.left_grid for e in self.events],
             "information": [-self.information_penalty(event) for event in self.events],
             "occurrence": [
@@ -446,6 +453,12 @@ class Oracle:
             unserved = self.deliveries.count(0)
             terms["unserved"] = [-reward.unserved_penalty * unserved for _ in self.auvs]
         return terms
+
+    def age_term(self, age: Sequence[float], jain: float) -> float:
+        """The first term of eq. `reward function`, or the mean age alone."""
+        reward, weights = self.scenario.reward, self.scenario.node_weights
+        mean = sum(weights[k] * age[k] for k in self.nodes) / len(self.nodes)
+        return -mean if reward.kind == "mean_age" else -reward.age_weight * (1 - jain) * mean
 
     def information_penalty(self, event: Slot) -> float:
         """Eqs. `penalty for missed information fdd` and `… tdd`."""
@@ -473,11 +486,5 @@ class Oracle:
         }
 
     def observe(self) -> list[list[float]]:
-        """Eq. `state space`: position, ages, stored energies, for each AUV.
-
-        The positions of the nodes follow where the scenario asks for them.
-        """
-        nodes = []
-        if self.scenario.observation.node_positions:
-            nodes = [coordinate for cell in self.node_cells for coordinate in cell]
-        return [[*cell, *self.age, *self.energy_j, *nodes] for cell in self.auv_cells]
+        """What each AUV sees."""
+        return [notebook.observation() for notebook in self.notebooks]

@@ -90,13 +90,16 @@ class ActorCritic(nn.Module):
     """A multi-categorical actor and a critic, shared by all AUVs.
 
     The critic works on normalised returns, so that neither their mean nor their scale
-    drowns the gradient of the actor.
+    drowns the gradient of the actor. It sees an AUV's observation (IPPO: de Witt et al.,
+    2020), or the state of the whole network beside it (MAPPO: Yu et al., 2022), which the
+    actor never needs.
 
     Args:
         scaler: what prepares the observations.
         action_sizes: number of choices of each entry of an action.
         hidden_units: width of each hidden layer, of actor and critic alike.
         activation: `tanh` or `relu`.
+        state_scaler: what prepares the state for a central critic; None for none.
     """
 
     padding: Tensor
@@ -110,12 +113,14 @@ class ActorCritic(nn.Module):
         action_sizes: Sequence[int],
         hidden_units: Sequence[int],
         activation: str,
+        state_scaler: Scaler | None = None,
     ) -> None:
         super().__init__()
         self.action_sizes = tuple(action_sizes)
         self.width = max(action_sizes)
         inputs = scaler.shift.shape[0]
         self.scaler = scaler
+        self.state_scaler = state_scaler
         # Small first logits make the first policy all but uniform.
         outputs = len(self.action_sizes) * self.width
         self.actor = perceptron(inputs, hidden_units, outputs, activation, 0.01)
@@ -123,6 +128,8 @@ class ActorCritic(nn.Module):
         for entry, size in zip(padding, self.action_sizes, strict=True):
             entry[size:] = _IMPOSSIBLE
         self.register_buffer("padding", padding, persistent=False)
+        if state_scaler is not None:
+            inputs += state_scaler.shift.shape[0]
         self.critic = perceptron(inputs, hidden_units, 1, activation, 1.0)
         self.register_buffer("return_mean", torch.tensor(0.0))
         self.register_buffer("return_spread", torch.tensor(1.0))
@@ -159,13 +166,26 @@ class ActorCritic(nn.Module):
         samples_last = scores.movedim((-2, -1), (0, 1)).contiguous()
         return samples_last.log_softmax(1).movedim((0, 1), (-2, -1))
 
+    def critic_inputs(self, inputs: Tensor, state: Tensor | None) -> Tensor:
+        """What the critic sees, (…, envs, auvs, entries).
+
+        Args:
+            inputs: (…, envs, auvs, entries) scaled observations.
+            state: (…, envs, entries) the network's state as the world gives it, for a
+                central critic.
+        """
+        if self.state_scaler is None or state is None:
+            return inputs
+        scaled = self.state_scaler(state).unsqueeze(-2)
+        return torch.cat([inputs, scaled.expand(*inputs.shape[:-1], -1)], dim=-1)
+
     def normalised_value(self, inputs: Tensor) -> Tensor:
-        """Values, (…), of (…, entries) scaled observations, in spreads from the mean return."""
+        """Values, (…), of (…, entries) `critic_inputs`, in spreads from the mean return."""
         value: Tensor = self.critic(inputs)
         return value.squeeze(-1)
 
     def value(self, inputs: Tensor) -> Tensor:
-        """Values, (…), of (…, entries) scaled observations."""
+        """Values, (…), of (…, entries) `critic_inputs`."""
         return self.normalised_value(inputs) * self.return_spread + self.return_mean
 
     def normalised_return(self, returns: Tensor) -> Tensor:

@@ -18,6 +18,7 @@ from torch import Tensor, nn
 
 from iout_marl.scenario import Scenario, Training
 from iout_marl.world import pin_layout
+from iout_marl.world.observation import Observer, Ranges
 from trainers.networks import ActorCritic, Scaler
 from trainers.rollout import Rollout, Simulation
 
@@ -150,7 +151,7 @@ class Trainer:
 
     def _make_network(self) -> ActorCritic:
         world = self.simulation.world
-        return make_network(world.observer.agent_ranges, world.action_sizes, self.settings)
+        return make_network(world.observer, world.action_sizes, self.settings)
 
     @property
     def steps_per_iteration(self) -> int:
@@ -221,6 +222,8 @@ class Trainer:
             "advantage": advantage.flatten(),
             "returns": self.network.normalised_return(returns).flatten(),
         }
+        if rollout.critic_inputs is not rollout.inputs:
+            data["critic_inputs"] = rollout.critic_inputs.flatten(0, 2)
         if rollout.mask is not None:
             data["mask"] = rollout.mask.flatten(0, 2)
         rate = self._learning_rate()
@@ -228,6 +231,8 @@ class Trainer:
             group["lr"] = rate
         losses = self._epochs(data)
         self.network.scaler.update(rollout.observation)
+        if self.network.state_scaler is not None and rollout.state is not None:
+            self.network.state_scaler.update(rollout.state)
         unexplained = float((returns - rollout.value).var())
         return {
             **losses,
@@ -264,7 +269,8 @@ class Trainer:
         clipped = ratio.clamp(1 - settings.clip, 1 + settings.clip)
         policy_loss = -torch.minimum(ratio * advantage, clipped * advantage).mean()
         value_loss = nn.functional.mse_loss(
-            network.normalised_value(batch["inputs"]), batch["returns"]
+            network.normalised_value(batch.get("critic_inputs", batch["inputs"])),
+            batch["returns"],
         )
         entropy = network.entropy(policy).mean()
         loss = (
@@ -308,21 +314,33 @@ class Trainer:
         self.seed = saved["seed"]
 
 
-def make_network(ranges: Any, action_sizes: tuple[int, ...], settings: Training) -> ActorCritic:
-    """Untrained networks for observations within `ranges` and actions of these sizes."""
+def make_network(
+    observer: Observer, action_sizes: tuple[int, ...], settings: Training
+) -> ActorCritic:
+    """Untrained networks for a world's observations and actions of these sizes."""
+    is_central = settings.critic == "central"
+    return ActorCritic(
+        _scaler(observer.agent_ranges, settings),
+        action_sizes,
+        settings.hidden_units,
+        settings.activation,
+        _scaler(observer.state_ranges, settings) if is_central else None,
+    )
+
+
+def _scaler(ranges: Ranges, settings: Training) -> Scaler:
     entries = len(ranges.low)
     shift, scale, limit = np.zeros(entries), np.ones(entries), math.inf
     if settings.observation_scaling == "fixed":
         shift, scale, limit = ranges.low, ranges.scale, ranges.limit
     elif settings.observation_scaling == "running":
         limit = 10.0
-    scaler = Scaler(
+    return Scaler(
         torch.from_numpy(shift),
         torch.from_numpy(scale),
         limit,
         running=settings.observation_scaling == "running",
     )
-    return ActorCritic(scaler, action_sizes, settings.hidden_units, settings.activation)
 
 
 def _episode_log(rollout: Rollout) -> dict[str, float]:

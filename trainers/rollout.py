@@ -24,7 +24,9 @@ class Rollout:
     """
 
     observation: Tensor  # (slots, envs, auvs, entries) float32, as the world gives it
+    state: Tensor | None  # (slots, envs, entries) float32, where the critic is central
     inputs: Tensor  # (slots, envs, auvs, entries) float32, scaled as the policy saw it
+    critic_inputs: Tensor  # (slots, envs, auvs, entries) float32, scaled as the critic saw it
     mask: Tensor | None  # (slots, envs, auvs, choices) bool, where masks are in use
     action: Tensor  # (slots, envs, auvs, entries) int64
     log_probability: Tensor  # (slots, envs, auvs) float32
@@ -78,6 +80,15 @@ class Simulation:
         """(envs, auvs, entries) float32."""
         return self._tensor(self.world.observe(self.state), torch.float32)
 
+    def observe_globally(self) -> Tensor:
+        """(envs, entries) float32."""
+        return self._tensor(self.world.observer.observe_globally(self.state), torch.float32)
+
+    def value(self, network: ActorCritic) -> Tensor:
+        """Value of the present state to every AUV, (envs, auvs)."""
+        state = None if network.state_scaler is None else self.observe_globally()
+        return network.value(network.critic_inputs(network.scaler(self.observe()), state))
+
     @torch.no_grad()
     def collect(self, network: ActorCritic, slots: int, *, use_mask: bool) -> Rollout:
         """Run the policy for `slots` slots of every environment."""
@@ -89,9 +100,16 @@ class Simulation:
 
         choices, entries = sum(world.action_sizes), len(world.action_sizes)
         observed = self.observe().shape[-1]
+        inputs = empty(observed)
+        global_state = None
+        if network.state_scaler is not None:
+            entries_of_state = self.observe_globally().shape[-1]
+            global_state = torch.empty(*shape[:2], entries_of_state, device=self.device)
         rollout = Rollout(
             observation=empty(observed),
-            inputs=empty(observed),
+            state=global_state,
+            inputs=inputs,
+            critic_inputs=inputs,
             mask=empty(choices, dtype=torch.bool) if use_mask else None,
             action=empty(entries, dtype=torch.int64),
             log_probability=empty(0),
@@ -106,12 +124,13 @@ class Simulation:
         terms_total: dict[str, Any] = {}
         for t in range(slots):
             observation = self.observe()
-            inputs = network.scaler(observation)
+            inputs[t] = network.scaler(observation)
             mask = self._tensor(world.action_mask(self.state)) if use_mask else None
-            scores[t] = network.scores(inputs, mask)
+            scores[t] = network.scores(inputs[t], mask)
             action = network.choose(scores[t], noise[t])
             rollout.observation[t] = observation
-            rollout.inputs[t] = inputs
+            if rollout.state is not None:
+                rollout.state[t] = self.observe_globally()
             if rollout.mask is not None and mask is not None:
                 rollout.mask[t] = mask
             rollout.action[t] = action
@@ -127,19 +146,20 @@ class Simulation:
             rollout.truncated.append(ended)
             if ended:
                 # A time limit is no end of the task: what lies beyond it still counts.
-                rollout.next_value[t] = network.value(network.scaler(self.observe()))
+                rollout.next_value[t] = self.value(network)
                 metrics = world.metrics(self.state)
                 rollout.episodes.append({k: float(v.mean()) for k, v in metrics.items()})
                 self.state = self._first_state(self.state)
         rollout.log_probability = network.log_probability(
             network.normalised(scores), rollout.action
         )
-        rollout.value = network.value(rollout.inputs)
+        rollout.critic_inputs = network.critic_inputs(inputs, rollout.state)
+        rollout.value = network.value(rollout.critic_inputs)
         for t, ended in enumerate(rollout.truncated[:-1]):
             if not ended:
                 rollout.next_value[t] = rollout.value[t + 1]
         if not rollout.truncated[-1]:
-            rollout.next_value[-1] = network.value(network.scaler(self.observe()))
+            rollout.next_value[-1] = self.value(network)
         rollout.reward_terms = {k: float(v) / slots for k, v in terms_total.items()}
         return rollout
 

@@ -182,9 +182,7 @@ class RunFolder:
         if scenario.world_hash != shape["world_hash"]:
             raise InputError(f"{self.path}: its policy is of another scenario than scenario.yaml")
         world = World(scenario)
-        network: ActorCritic = make_network(
-            world.observer.agent_ranges, world.action_sizes, scenario.training
-        )
+        network: ActorCritic = make_network(world.observer, world.action_sizes, scenario.training)
         path = self.path / "policy.safetensors"
         with readable(path):
             network.load_state_dict(safetensors.torch.load_file(path))

@@ -35,7 +35,12 @@ _CAME_LATER = (
     ("auvs", "separation_cells", 1.0),
     ("channel", "access", "orthogonal"),
     ("duplex", "synchronised", False),
+    ("observation", "agent_index", False),
+    ("observation", "other_auvs", True),
+    ("observation", "view_range_m", None),
+    ("reward", "credit", "team"),
     ("reward", "separation_penalty", 10.0),
+    ("training", "critic", "own"),
 )
 
 
@@ -242,7 +247,18 @@ class Fairness(Section):
     minimum_jain: Fraction = 0.85
 
 
-class PaperReward(Section):
+class Credited(Section):
+    """What the network as a whole has gained, and whom it is credited to.
+
+    `team`: every AUV gets the network's term. `difference`: every AUV gets what it has added
+    to it (Wolpert and Tumer, 2001): the term less what it would be had no packet ever reached
+    this AUV, all else alike.
+    """
+
+    credit: Literal["team", "difference"] = "team"
+
+
+class PaperReward(Credited):
     """r = −(w 𝒟/K Σ δ_k A_k + penalties), eq. `reward function`.
 
     Penalties are subtracted: a negative one is a bonus.
@@ -269,7 +285,7 @@ class PaperReward(Section):
     unserved_penalty: float = 0.0
 
 
-class MeanAgeReward(Section):
+class MeanAgeReward(Credited):
     """r = −(1/K) Σ δ_k A_k."""
 
     kind: Literal["mean_age"] = "mean_age"
@@ -287,6 +303,14 @@ class Observation(Section):
     node_positions: bool = False
     #: Append the share of the episode that is over.
     time: bool = False
+    #: Append where the other AUVs are, relative to the own position, the nearest first.
+    other_auvs: bool = True
+    #: Append which AUV this is, as M entries of which one is 1.
+    agent_index: bool = False
+    #: Distance up to which an AUV knows a node's age and energy; those of a node farther away
+    #: are what they were when it last was near or delivered to this AUV, and how many slots
+    #: ago that was is appended. null: everything is known to all.
+    view_range_m: Positive | None = None
     #: Where the mask of sensible actions is handed out, if at all.
     action_mask: Literal["none", "info", "observation"] = "none"
 
@@ -321,6 +345,9 @@ class Training(Section):
     target_kl: Positive | None
     hidden_units: Annotated[tuple[Count, ...], Field(min_length=1, strict=False)]
     activation: Literal["tanh", "relu"]
+    #: What the critic sees: `own`, the AUV's observation (IPPO), or `central`, the state of the
+    #: whole network beside it (MAPPO). AUVs share one actor and one critic in either.
+    critic: Literal["own", "central"] = "own"
     #: Inputs of the networks: `none`, `fixed` (by the observation's ranges) or
     #: `running` (by mean and spread of what was seen).
     observation_scaling: Literal["none", "fixed", "running"]

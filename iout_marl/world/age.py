@@ -38,3 +38,9 @@ def jain_index(xp: Any, total: Array, total_of_squares: Array, num_nodes: int) -
         (envs,) J, from 1/K (one node served) to 1 (all served alike), or 0.
     """
     return total**2 / (num_nodes * xp.where(total > 0, total_of_squares, xp.ones_like(total)))
+
+
+def jain_of(xp: Any, deliveries: Array) -> Array:
+    """`jain_index` of (…, nodes) deliveries: (…)."""
+    squares = xp.vecdot(deliveries, deliveries)
+    return jain_index(xp, xp.sum(deliveries, axis=-1), squares, deliveries.shape[-1])

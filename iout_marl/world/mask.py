@@ -10,6 +10,7 @@ from iout_marl.world.backend import Backend
 from iout_marl.world.link import Link
 from iout_marl.world.motion import Motion
 from iout_marl.world.state import State
+from iout_marl.world.view import View
 
 
 class ActionMask:
@@ -17,10 +18,14 @@ class ActionMask:
 
     A node is masked out in FDD only where it could not pay from any cell within one
     move, even if all AUVs charged it in the same slot, each from where it is best done. In
-    TDD every node may be chosen: what can not send is charged.
+    TDD every node may be chosen: what can not send is charged. Nor is a node masked out that
+    the AUV does not see: the mask tells no more than the observation.
     """
 
-    def __init__(self, scenario: Scenario, link: Link, motion: Motion, backend: Backend) -> None:
+    def __init__(
+        self, scenario: Scenario, link: Link, motion: Motion, view: View, backend: Backend
+    ) -> None:
+        self._view = view
         self._link = link
         self._motion = motion
         self._xp = backend.xp
@@ -37,7 +42,10 @@ class ActionMask:
         any_node = xp.broadcast_to(xp.ones_like(state.age, dtype=xp.bool)[:, None, :], shape)
         masks = [inside, any_node]
         if self._is_fdd:
-            masks.append(self._may_pay(state))
+            may_pay = self._may_pay(state)
+            if self._view.is_limited:
+                may_pay = may_pay | ~self._view.sees(state.cell, state.node_cell)
+            masks.append(may_pay)
         # A choice needs at least one way to go.
         masks = [mask | ~xp.any(mask, axis=-1, keepdims=True) for mask in masks]
         return xp.concat(masks, axis=-1)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.physics.arrays import Array
+from iout_marl.physics.arrays import Array, lookup
 from iout_marl.scenario import Scenario
 from iout_marl.world.backend import Backend
 from iout_marl.world.grid import Grid
@@ -34,8 +34,11 @@ class Ranges:
 class Observer:
     """Builds observations: an AUV's position, the ages and the stored energies of the nodes.
 
-    Appended where the scenario says so: the nodes' positions, the share of the episode
-    that is over. Positions are counted from 1 as in the paper.
+    Appended where the scenario says so, in this order: the nodes' positions; the share of
+    the episode that is over; where the other AUVs are, from the nearest to the farthest, so
+    that what an AUV sees does not depend on how they are numbered; how many slots ago it saw
+    each node, where its view is limited; which AUV it is. Positions are counted from 1 as in
+    the paper.
 
     Args:
         scenario: the scenario.
@@ -48,6 +51,11 @@ class Observer:
         self._settings = scenario.observation
         self._xp = backend.xp
         self._num_auvs = scenario.num_auvs
+        self._sees_others = scenario.observation.other_auvs and scenario.num_auvs > 1
+        self._is_limited = scenario.observation.view_range_m is not None
+        self._nearness = backend.integers(_nearness(grid))
+        self._origin = grid.offset_origin
+        self._identity = backend.floats(np.eye(scenario.num_auvs))
         self._num_slots = scenario.num_slots
         self._coordinates = backend.floats(grid.coordinate_table() + 1)
         self._dtype = backend.dtype
@@ -64,16 +72,28 @@ class Observer:
         """Observations of every AUV: (envs, auvs, entries)."""
         scaled = self._settings.kind == "scaled"
         own = self._positions(state.cell, scaled=scaled)
-        age, energy = state.age, state.energy_j
+        if self._is_limited:
+            age, energy = state.seen_age, state.seen_energy_j
+        else:
+            age, energy = self._for_every_auv(state.age), self._for_every_auv(state.energy_j)
         if scaled:
             age = age / self._maximum_age
             energy = energy / (energy + self.price_j)
-        parts = [own, self._for_every_auv(age), self._for_every_auv(energy)]
+        parts = [own, age, energy]
         if self._settings.node_positions:
             nodes = self._positions(state.node_cell, scaled=scaled)
             parts.append(self._for_every_auv(self._xp.reshape(nodes, (nodes.shape[0], -1))))
         if self._settings.time:
             parts.append(self._for_every_auv(self._time(state)))
+        if self._sees_others:
+            parts.append(self._others(state.cell, scaled=scaled))
+        if self._is_limited:
+            now = self._xp.astype(state.slot, self._dtype)[:, None, None]
+            ago = now - state.seen_slot
+            parts.append(ago / self._num_slots if scaled else ago)
+        if self._settings.agent_index:
+            shape = (state.cell.shape[0], self._num_auvs, self._num_auvs)
+            parts.append(self._xp.broadcast_to(self._identity, shape))
         return self._xp.concat(parts, axis=-1)
 
     def observe_globally(self, state: State) -> Array:
@@ -94,6 +114,23 @@ class Observer:
         xyz = self._xp.take(self._coordinates, self._xp.reshape(cell, (-1,)), axis=0)
         xyz = self._xp.reshape(xyz, (*cell.shape, 3))
         return (xyz - 1) / self._last_cell if scaled else xyz
+
+    def _others(self, cell: Array, *, scaled: bool) -> Array:
+        """Steps in cells to each other AUV, the nearest first: (envs, auvs, 3 (auvs − 1))."""
+        xp, (num_envs, num_auvs) = self._xp, cell.shape
+        order = xp.argsort(
+            lookup(xp, self._nearness, cell[:, None, :] - cell[:, :, None] + self._origin),
+            axis=-1,
+        )[..., 1:]
+        # Of AUVs in one cell any may come first: they look alike.
+        first = xp.arange(0, num_envs * num_auvs, num_auvs, device=cell.device)
+        others = lookup(xp, cell, first[:, None, None] + order)
+        steps = (
+            self._positions(others, scaled=False)
+            - self._positions(cell, scaled=False)[:, :, None, :]
+        )
+        steps = steps / self._last_cell if scaled else steps
+        return xp.reshape(steps, (num_envs, num_auvs, -1))
 
     def _time(self, state: State) -> Array:
         return self._xp.astype(state.slot, self._dtype)[:, None] / self._num_slots
@@ -121,6 +158,15 @@ class Observer:
             parts += [cell] * k
         if scenario.observation.time:
             parts.append((np.zeros(1), np.ones(1), np.ones(1)))
+        if self._sees_others:
+            far = np.ones(3) if scaled else np.maximum(size - 1, 1)
+            parts += [(-far, far, far)] * (scenario.num_auvs - 1)
+        if self._is_limited:
+            slots = ones if scaled else ones * scenario.num_slots
+            parts.append((0 * ones, slots, slots))
+        if scenario.observation.agent_index:
+            index = np.ones(scenario.num_auvs)
+            parts.append((0 * index, index, index))
         return _joined(parts)
 
     def _state_ranges(self, scenario: Scenario, grid: Grid, energy_bound_j: float) -> Ranges:
@@ -143,6 +189,16 @@ class Observer:
 def _joined(parts: Sequence[tuple[npt.NDArray[np.float64], ...]]) -> Ranges:
     low, high, scale = (np.concatenate([part[i] for part in parts]) for i in range(3))
     return Ranges(low, high, scale)
+
+
+def _nearness(grid: Grid) -> npt.NDArray[np.int64]:
+    """By code difference + origin: its rank among all, the shortest first, 0 for none."""
+    order = np.argsort(grid.offset_distances(), kind="stable")
+    # Differences that no two cells have are 0 long as well; the origin comes before them.
+    order = np.concatenate([[grid.offset_origin], order[order != grid.offset_origin]])
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return rank
 
 
 def _price_j(scenario: Scenario, link: Link) -> float:

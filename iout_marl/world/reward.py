@@ -7,7 +7,9 @@ from typing import Protocol
 
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import MeanAgeReward, PaperReward, Scenario
+from iout_marl.world.age import jain_of
 from iout_marl.world.backend import Backend
+from iout_marl.world.credit import Credit
 from iout_marl.world.link import Link
 from iout_marl.world.nodes import NodeAxis
 from iout_marl.world.state import Events, State
@@ -27,26 +29,33 @@ class Reward(Protocol):
 
 
 class MeanAge:
-    """r = −(1/K) Σ δ_k A_k, alike for every AUV."""
+    """r = −(1/K) Σ δ_k A_k, credited to the team or to each AUV for its part."""
 
-    def __init__(self, scenario: Scenario, nodes: NodeAxis, backend: Backend) -> None:
+    def __init__(self, scenario: Scenario, credit: Credit, backend: Backend) -> None:
         self._weights = backend.floats([w / scenario.num_nodes for w in scenario.node_weights])
         self._all_alike = set(scenario.node_weights) == {1.0}
-        self._nodes = nodes
+        self._credit = credit
 
     def weighted_age(self, state: State) -> Array:
         """(1/K) Σ δ_k A_k, (envs,)."""
-        return state.mean_age if self._all_alike else state.age @ self._weights
+        return state.mean_age if self._all_alike else self.weighted(state.age)
+
+    def weighted(self, age: Array) -> Array:
+        """(1/K) Σ δ_k A_k of (…, nodes) ages: (…)."""
+        return age @ self._weights
 
     def __call__(self, state: State, events: Events) -> Mapping[str, Array]:  # noqa: ARG002
-        return {"age": self._nodes.alike(-self.weighted_age(state))}
+        return {"age": self._credit.share(-self.weighted_age(state), self._term, state)}
+
+    def _term(self, age: Array, deliveries: Array) -> Array:  # noqa: ARG002
+        return -self.weighted(age)
 
 
 class Paper:
     """r = −(w 𝒟/K Σ δ_k A_k + ρ) with 𝒟 = 1 − J (eq. `reward function`).
 
-    Ages and fairness are those of the network, alike for every AUV; the penalties ρ
-    (eq. `penalty term`) are each AUV's own.
+    Ages and fairness are those of the network, credited to the team or to each AUV for
+    its part; the penalties ρ (eq. `penalty term`) are each AUV's own.
     """
 
     def __init__(
@@ -55,13 +64,15 @@ class Paper:
         scenario: Scenario,
         link: Link,
         nodes: NodeAxis,
+        credit: Credit,
         backend: Backend,
     ) -> None:
         self._settings = settings
+        self._credit = credit
         self._link = link
         self._nodes = nodes
         self._xp = backend.xp
-        self._mean_age = MeanAge(scenario, nodes, backend)
+        self._mean_age = MeanAge(scenario, credit, backend)
         self._is_fdd = scenario.duplex.kind == "fdd"
         #: Each penalty as a reward, and none.
         self._none = backend.floats(0.0)
@@ -81,7 +92,7 @@ class Paper:
         served = nodes.chosen(state.deliveries, events.heard)
         overserved = events.delivered & (served > self._ideal_deliveries)
         terms = {
-            "age": nodes.alike(age),
+            "age": self._credit.share(age, self._discriminated_age, state),
             "location": xp.where(events.left_grid, self._location, self._none),
             "information": self._fdd(state, events) if self._is_fdd else self._tdd(events),
             "occurrence": xp.where(overserved, self._occurrence, self._none),
@@ -92,6 +103,11 @@ class Paper:
             unserved = nodes.sum(xp.astype(state.deliveries == 0, state.age.dtype))
             terms["unserved"] = nodes.alike(-settings.unserved_penalty * unserved)
         return terms
+
+    def _discriminated_age(self, age: Array, deliveries: Array) -> Array:
+        """The age term of (…, nodes) ages and deliveries: (…)."""
+        jain = jain_of(self._xp, deliveries)
+        return -self._settings.age_weight * (1 - jain) * self._mean_age.weighted(age)
 
     def _fdd(self, state: State, events: Events) -> Array:
         """Eq. `penalty for missed information fdd`: no node, or the wrong one, heard."""
@@ -112,8 +128,10 @@ class Paper:
         return penalty
 
 
-def make_reward(scenario: Scenario, link: Link, nodes: NodeAxis, backend: Backend) -> Reward:
+def make_reward(
+    scenario: Scenario, link: Link, nodes: NodeAxis, credit: Credit, backend: Backend
+) -> Reward:
     """The reward part that a scenario names."""
     if isinstance(scenario.reward, MeanAgeReward):
-        return MeanAge(scenario, nodes, backend)
-    return Paper(scenario.reward, scenario, link, nodes, backend)
+        return MeanAge(scenario, credit, backend)
+    return Paper(scenario.reward, scenario, link, nodes, credit, backend)

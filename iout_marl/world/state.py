@@ -28,6 +28,13 @@ class State(NamedTuple):
     capped_ages: Array  # (envs,) float, count: node-slots in which an age would pass A_max
     harvested_j: Array  # (envs,) float, J: energy harvested by all nodes so far
     spent_j: Array  # (envs,) float, J: energy spent on uplinks by all nodes so far
+    # What each AUV knows of nodes out of its sight; no nodes where there is no limit.
+    seen_age: Array  # (envs, auvs, nodes) float, slots: age when last seen
+    seen_energy_j: Array  # (envs, auvs, nodes) float, J: energy stored when last seen
+    seen_slot: Array  # (envs, auvs, nodes) float, slots: when that was
+    # The network without each AUV; no nodes where rewards are those of the team.
+    others_age: Array  # (envs, auvs, nodes) float, slots: age by deliveries to others alone
+    others_deliveries: Array  # (envs, auvs, nodes) float, count: packets delivered to others
 
     def map(self, function: Callable[[Array], Array]) -> State:
         """The state with `function` applied to every array."""

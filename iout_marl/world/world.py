@@ -13,6 +13,7 @@ from iout_marl.scenario import Scenario
 from iout_marl.world.age import advance, jain_index
 from iout_marl.world.backend import Backend
 from iout_marl.world.charging import charge
+from iout_marl.world.credit import Credit
 from iout_marl.world.duplex import make_duplex
 from iout_marl.world.grid import Grid
 from iout_marl.world.link import Link
@@ -24,6 +25,7 @@ from iout_marl.world.placement import start_cells
 from iout_marl.world.reward import make_reward
 from iout_marl.world.state import Events, State
 from iout_marl.world.uplink import Request, make_access
+from iout_marl.world.view import View
 
 #: Changes whenever the same scenario, seed and actions would lead elsewhere.
 WORLD_VERSION = 0
@@ -71,9 +73,11 @@ class World:
         self.nodes = NodeAxis(num_envs, self.num_auvs, self.num_nodes, backend)
         self.duplex = make_duplex(scenario, self.link, (num_envs, self.num_auvs), backend)
         self.access = make_access(scenario, self.link, backend)
-        self.reward_part = make_reward(scenario, self.link, self.nodes, backend)
+        self.view = View(scenario, self.link, backend)
+        self.credit = Credit(scenario, self.nodes, backend)
+        self.reward_part = make_reward(scenario, self.link, self.nodes, self.credit, backend)
         self.observer = Observer(scenario, self.grid, self.link, backend)
-        self.action_mask = ActionMask(scenario, self.link, self.motion, backend)
+        self.action_mask = ActionMask(scenario, self.link, self.motion, self.view, backend)
         self.action_sizes = (
             self.motion.num_directions,
             *(self.num_nodes,) * self.duplex.num_choices,
@@ -105,6 +109,8 @@ class World:
             capped_ages=backend.zeros(envs),
             harvested_j=backend.zeros(envs),
             spent_j=backend.zeros(envs),
+            **self.view.first(self.num_envs),
+            **self.credit.first(self.num_envs),
         )
 
     def step(self, state: State, action: Array) -> tuple[State, Events]:
@@ -144,6 +150,7 @@ class World:
         # At the root of the energy balance a rounding may leave less than nothing.
         energy_j = xp.maximum(payable_j - nodes.total(heard_hot, spent_j), self._zero)
 
+        delivered_hot = heard_hot & delivered[..., None]
         served = nodes.any(heard_hot, delivered)
         age, cut_short = advance(xp, state.age, served, self._maximum_age)
         mean_age = nodes.mean(age)
@@ -165,6 +172,8 @@ class World:
             capped_ages=state.capped_ages + nodes.sum(cut_short),
             harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
             spent_j=state.spent_j + _over_auvs(xp, spent_j),
+            **self.view.after(state, cell, age, energy_j, delivered_hot),
+            **self.credit.after(state, delivered_hot),
         )
         events = Events(
             left_grid=left_grid,

@@ -12,6 +12,9 @@ RICH = {
     "observation.kind": "scaled",
     "observation.node_positions": True,
     "observation.time": True,
+    "observation.agent_index": True,
+    "observation.view_range_m": 300,
+    "reward.credit": "difference",
 }
 LAYOUTS = {
     "fixed": {},

@@ -131,8 +131,8 @@ def test_observation_is_position_ages_and_energies():
     world = load_scenario("paper/k3-fdd", AT_THE_NODE)
     env = iout_v0.parallel_env(world)
     observations, _ = env.reset(seed=0)
-    np.testing.assert_array_equal(observations["auv_0"], [5, 5, 1, 1, 1, 1, 0, 0, 0])
-    np.testing.assert_array_equal(observations["auv_1"], [5, 5, 3, 1, 1, 1, 0, 0, 0])
+    np.testing.assert_array_equal(observations["auv_0"], [5, 5, 1, 1, 1, 1, 0, 0, 0, 0, 0, 2])
+    np.testing.assert_array_equal(observations["auv_1"], [5, 5, 3, 1, 1, 1, 0, 0, 0, 0, 0, -2])
     # Up into the node's cell, charging node 0, hearing node 0; down and charging node 1.
     actions = {"auv_0": np.array([4, 0, 0]), "auv_1": np.array([1, 1, 1])}
     observations, _, _, _, infos = env.step(actions)
@@ -145,19 +145,21 @@ def test_observation_is_position_ages_and_energies():
     assert 0 < observed[6] < harvested[0]
     np.testing.assert_allclose(observed[7], harvested[1], rtol=1e-6)
     assert observed[8] == 0
-    np.testing.assert_array_equal(observations["auv_1"][3:], observed[3:])
+    np.testing.assert_array_equal(observed[9:], [-1, 0, 1])
+    np.testing.assert_array_equal(observations["auv_1"][3:9], observed[3:9])
 
 
-def test_scaled_observation_is_position_ages_energies_nodes_and_time():
+def test_scaled_observation_is_position_ages_energies_nodes_time_and_team():
     world = scenario(layout="episode", auvs=3)
     env = iout_v0.parallel_env(world)
     space = env.observation_space("auv_0")
-    assert space.shape == (3 + 3 + 3 + 9 + 1,)
-    np.testing.assert_array_equal(space.low, 0)
+    assert space.shape == (3 + 3 + 3 + 9 + 1 + 2 * 3 + 3 + 3,)
+    np.testing.assert_array_equal(space.low, [0] * 19 + [-1] * 6 + [0] * 6)
     np.testing.assert_array_equal(space.high, 1)
     for slot, (observations, *_) in enumerate(play(env)):
-        for observation in observations.values():
-            assert observation[-1] == np.float32(slot / SLOTS)
+        for auv, observation in enumerate(observations.values()):
+            assert observation[18] == np.float32(slot / SLOTS)
+            assert observation[28:].tolist() == [auv == 0, auv == 1, auv == 2]
     # The state tells the same nodes, in cells from 1.
     cells = env.state()[-10:-1].reshape(3, 3)
     scaled = observations["auv_0"][9:18].reshape(3, 3)
@@ -172,7 +174,7 @@ def test_state_is_what_all_auvs_see_and_more(auvs):
         state = env.state()
         positions = [observation[:3] for observation in observations.values()]
         np.testing.assert_array_equal(state[: 3 * auvs], np.concatenate(positions))
-        np.testing.assert_array_equal(state[3 * auvs : 3 * auvs + 6], observations["auv_0"][3:])
+        np.testing.assert_array_equal(state[3 * auvs : 3 * auvs + 6], observations["auv_0"][3:9])
         assert state[-1] == np.float32(slot / SLOTS)
         assert env.state_space.contains(state)
 
@@ -205,7 +207,7 @@ def test_infos_follow_from_the_observations(duplex, auvs):
     mean_ages, peak, total_j, deliveries = [], 0, 0.0, 0
     _, *slots = play(env)
     for observations, *_, infos in slots:
-        ages, stored_j = np.split(observations["auv_0"][3:].astype(float), 2)
+        ages, stored_j = np.split(observations["auv_0"][3:9].astype(float), 2)
         mean_ages.append(ages.mean())
         peak = max(peak, ages.max())
         total_j += sum(info["harvested_j"] for info in infos.values())

@@ -103,7 +103,7 @@ def test_every_episode_is_whole(random_layout):
     slots = []
     evaluate(random_layout, lambda o: slots.append(o) or fixed_plan(o), episodes=2)
     assert len(slots) == random_layout.num_slots
-    assert slots[0].shape == (2, 2, 3 + 2 * 4 + 3 * 4 + 1)
+    assert slots[0].shape == (2, 2, 3 + 2 * 4 + 3 * 4 + 1 + 3)
     assert slots[0].dtype == np.float32
 
 

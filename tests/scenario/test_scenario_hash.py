@@ -26,7 +26,8 @@ WORDS = (
     "fixed", "random", "run", "episode", "thorp", "francois_garrison", "table", "equation",
     "sonar", "fdd", "tdd", "paper", "stored", "mean_age", "scaled", "none", "info",
     "observation", "constant", "linear", "tanh", "relu", "running", "first_rollout",
-    "orthogonal", "interference", "exclusive", "six", "hover",
+    "orthogonal", "interference", "exclusive", "six", "hover", "team", "difference",
+    "own", "central",
 )  # fmt: skip
 #: Names, keys with a single possible value, and a kind that needs other keys beside it.
 LEFT_OUT = {"name", "description", "training.preset", "nodes.kind"}
@@ -154,6 +155,6 @@ def test_is_the_same_in_another_process():
 
 
 def test_keys_that_came_later_leave_the_hashes_of_before_as_they_were():
-    # As printed with results from before `channel.access` and `duplex.synchronised`.
+    # As printed with results from before `channel.access`, `reward.credit` and the others.
     assert load_scenario("paper/k10-fdd").hash == "468cc0bb0e2d"
     assert load_scenario("paper/k3-tdd").hash == "c16af987f02b"

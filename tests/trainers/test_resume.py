@@ -38,6 +38,14 @@ VARIANTS = {
         "training.mask_actions": True,
         "training.target_kl": 0.001,
     },
+    "mappo, limited view, difference rewards": {
+        "auvs.start_cells": [[2, 1, 1], [1, 2, 1]],
+        "training.critic": "central",
+        "reward.credit": "difference",
+        "observation.view_range_m": 100,
+        "training.rollout_slots": 13,
+        "training.steps": 364,
+    },
 }
 
 

@@ -17,6 +17,13 @@ SCENARIOS = {
     "two auvs": {"auvs.start_cells": [[2, 1, 1], [1, 2, 1]]},
     "random layouts": RANDOM_NODES,
     "paper's reward": {"reward.kind": "paper"},
+    "central critic": {
+        "auvs.start_cells": [[2, 1, 1], [1, 2, 1]],
+        "training.critic": "central",
+        "training.observation_scaling": "running",
+        "reward.credit": "difference",
+        "observation.view_range_m": 100,
+    },
     "running scaler": {"training.observation_scaling": "running"},
 }
 
@@ -30,14 +37,17 @@ def simulation_of(scenario, seed=4):
     simulation = Simulation(scenario, ENVS, torch.device("cpu"), seed)
     torch.manual_seed(0)
     world = simulation.world
-    network = make_network(world.observer.agent_ranges, world.action_sizes, scenario.training)
+    network = make_network(world.observer, world.action_sizes, scenario.training)
     network.return_mean.fill_(-7.0)
     network.return_spread.fill_(3.0)
     return simulation, network
 
 
 def replay(scenario, rollouts, network, seed=4):
-    """The same actions in a world of one's own: (observation, reward, next observation, ended)."""
+    """The same actions in a world of one's own: (seen, reward, seen next, ended).
+
+    What is seen is what actor and critic get: observations, and the network's state.
+    """
     world = World(scenario, ENVS, dtype="float32")
     rng = np.random.default_rng(seed)
     fixed = scenario.nodes.kind == "fixed"
@@ -45,20 +55,33 @@ def replay(scenario, rollouts, network, seed=4):
     def start():
         return world.reset(node_codes(scenario, world.grid, [rng] * ENVS))
 
+    def seen(state):
+        central = torch.from_numpy(world.observer.observe_globally(state))
+        return torch.from_numpy(world.observe(state)), central
+
     state = start()
     for rollout in rollouts:
         rows = []
         for action in rollout.action.numpy():
-            before = torch.from_numpy(world.observe(state))
+            before = seen(state)
             state, events = world.step(state, action)
             reward = world.reward(state, events)
-            after = torch.from_numpy(world.observe(state))
+            after = seen(state)
             ended = bool(state.slot[0] == world.num_slots)
             rows.append((before, torch.from_numpy(reward), after, ended))
             if ended:
                 state = world.reset(state.node_cell) if fixed else start()
-        observation, reward, after, ended = zip(*rows, strict=True)
-        yield rollout, torch.stack(observation), torch.stack(reward), torch.stack(after), ended
+        before, reward, after, ended = zip(*rows, strict=True)
+        before, after = ([torch.stack(x) for x in zip(*s, strict=True)] for s in (before, after))
+        yield rollout, before, torch.stack(reward), after, ended
+
+
+def value(network, observation, state):
+    inputs = network.scaler(observation)
+    if network.state_scaler is None:
+        return network.value(inputs)
+    states = [network.state_scaler(state)] * observation.shape[-2]
+    return network.value(torch.cat([inputs, torch.stack(states, dim=-2)], dim=-1))
 
 
 @pytest.mark.parametrize("slots", [[20, 20], [7, 7, 7, 7], [50], [1] * 25])
@@ -66,7 +89,7 @@ def test_equals_a_replay(setup, slots):
     simulation, network = setup
     rollouts = [simulation.collect(network, n, use_mask=False) for n in slots]
     replayed = replay(simulation.world.scenario, rollouts, network)
-    for rollout, observation, reward, after, ended in replayed:
+    for rollout, (observation, state), reward, after, ended in replayed:
         assert torch.equal(rollout.observation, observation)
         assert torch.equal(rollout.inputs, network.scaler(observation))
         torch.testing.assert_close(rollout.reward, reward, rtol=1e-6, atol=1e-6)
@@ -75,11 +98,9 @@ def test_equals_a_replay(setup, slots):
             policy = network.log_probabilities(network.scaler(observation))
             expected = network.log_probability(policy, rollout.action)
             torch.testing.assert_close(rollout.log_probability, expected)
-            value = network.value(network.scaler(observation))
-            torch.testing.assert_close(rollout.value, value)
+            torch.testing.assert_close(rollout.value, value(network, observation, state))
             # Of the state that followed, be it the last of its episode.
-            next_value = network.value(network.scaler(after))
-            torch.testing.assert_close(rollout.next_value, next_value)
+            torch.testing.assert_close(rollout.next_value, value(network, *after))
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections import Counter
 from dataclasses import dataclass, field
@@ -109,6 +110,14 @@ def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> C
             seen["wrong node" if event.some_node_able else "no able node"] += 1
         for other in range(auv):
             seen += kind_of_encounter(oracle, auv, other)
+        book = oracle.notebooks[auv]
+        seen["lost sight"] += min(book.seen_slot) < oracle.slot - 3
+        in_sight = oracle.distance_m(auv, event.heard) <= (
+            oracle.scenario.observation.view_range_m or math.inf
+        )
+        seen["news from afar"] += event.delivered and not in_sight
+        alone = [without > age for without, age in zip(book.age_without, oracle.age, strict=True)]
+        seen["helped by another"] += any(alone) and not all(alone)
     return seen
 
 

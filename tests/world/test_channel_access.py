@@ -57,17 +57,22 @@ def uplinks(state, events):
     st.permutations(range(4)),
 )
 def test_renumbering_the_auvs_renumbers_the_results(name, access, loud, seed, order):
-    changes = LOUD if loud and name.endswith("fdd") else {}
+    changes = {"observation.view_range_m": 400, "reward.credit": "difference"}
+    changes |= LOUD if loud and name.endswith("fdd") else {}
     scenario = several(name, access, auvs=4, **changes)
     actions = draw_actions(scenario, seed)
-    _, history = play(scenario, actions)
+    world, history = play(scenario, actions)
     starts = {"auvs.start_cells": [STARTS[i] for i in order]}
     _, permuted = play(load_scenario(scenario, starts), actions[:, :, order])
     for (state, events), (other, others) in zip(history, permuted, strict=True):
         np.testing.assert_array_equal(state.cell[:, order], other.cell)
         np.testing.assert_array_equal(state.age, other.age)
         np.testing.assert_allclose(state.energy_j, other.energy_j, rtol=1e-9, atol=1e-9)
+        seen, others_see = world.observe(state)[:, order], world.observe(other)
+        np.testing.assert_allclose(seen, others_see, rtol=1e-9, atol=1e-9)
         if events is not None:
+            rewards = world.reward(state, events)[:, order]
+            np.testing.assert_allclose(rewards, world.reward(other, others), rtol=1e-9)
             assert uplinks(state, events) == uplinks(other, others)
 
 

@@ -165,6 +165,38 @@ CASES = {
         TDD | SHARED | DISTURBED,
         {**SONAR, "channel": {**SONAR["channel"], "access": "interference"}, **TWO_AUVS},
     ),
+    "all-that-can-be-seen": Case(
+        "paper/k5-fdd",
+        FDD | SHARED,
+        {
+            "observation.node_positions": True,
+            "observation.time": True,
+            "observation.agent_index": True,
+            **THREE_AUVS,
+        },
+    ),
+    "others-out-of-mind": Case(
+        "paper/k3-tdd", TDD | SHARED, {"observation.other_auvs": False, **TWO_AUVS}
+    ),
+    "limited-view-fdd": Case(
+        "paper/k5-fdd",
+        FDD | SHARED | {"lost sight", "news from afar"},
+        {"observation.view_range_m": 300, "channel.access": "interference", **THREE_AUVS},
+    ),
+    "limited-view-tdd": Case(
+        "best/k7-tdd", TDD | {"lost sight", "news from afar"}, {"observation.view_range_m": 110}
+    ),
+    "difference-reward-fdd": Case(
+        "paper/k5-fdd",
+        FDD | SHARED | {"helped by another"},
+        {"reward.credit": "difference", "reward.age_weight": 1.5, **THREE_AUVS},
+    ),
+    "difference-reward-tdd": Case(
+        "best/k3-tdd",
+        TDD | SHARED | {"helped by another"},
+        {"reward.credit": "difference", "auvs.count": 4, **THREE_WEIGHTS},
+    ),
+    "difference-reward-of-one": Case("best/k3-fdd", FDD, {"reward.credit": "difference"}),
     "equation-fdd": Case("paper/k3-fdd", FDD, {**EQUATION, **COLD}),
     "equation-tdd": Case("paper/k3-tdd", TDD, {**EQUATION, **WARM}),
     "tiny-cells-table": Case("paper/k3-fdd", FDD, {"charging.power_w": 30, **TINY_CELLS}),

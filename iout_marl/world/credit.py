@@ -1,0 +1,77 @@
+"""Credit: whom the network's reward is credited to, the team or each AUV for its part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+from iout_marl.physics.arrays import Array
+from iout_marl.scenario import Scenario
+from iout_marl.world.age import advance
+from iout_marl.world.backend import Backend
+from iout_marl.world.nodes import NodeAxis
+from iout_marl.world.state import State
+
+#: A term of the network: takes ages and deliveries, (…, nodes) each, and gives (…).
+NetworkTerm: TypeAlias = Callable[[Array, Array], Array]
+
+
+class Credit:
+    """Team rewards, or difference rewards (Wolpert and Tumer, 2001).
+
+    With `difference` an AUV gets G − G₋ᵢ: the network's term less what it would be had no
+    packet ever reached this AUV, all else alike. Ages and deliveries by packets to others
+    alone are kept along with the real ones.
+
+    Args:
+        scenario: the scenario.
+        nodes: gathers and scatters over nodes.
+        backend: arrays to work with.
+    """
+
+    def __init__(self, scenario: Scenario, nodes: NodeAxis, backend: Backend) -> None:
+        self.is_shared = scenario.reward.credit == "team"
+        self._nodes = nodes
+        self._backend = backend
+        self._shape = (scenario.num_auvs, 0 if self.is_shared else scenario.num_nodes)
+        self._initial_age = float(scenario.age.initial)
+        self._maximum_age = backend.floats(float(scenario.age.maximum))
+
+    def first(self, num_envs: int) -> dict[str, Array]:
+        """Fields of the first state of an episode."""
+        nothing = self._backend.zeros((num_envs, *self._shape))
+        return {"others_age": nothing + self._initial_age, "others_deliveries": nothing}
+
+    def after(self, state: State, delivered: Array) -> dict[str, Array]:
+        """Fields of the state after a slot.
+
+        Args:
+            state: the state before it.
+            delivered: (envs, auvs, nodes) bool, who delivered to whom.
+        """
+        if self.is_shared:
+            return {
+                "others_age": state.others_age,
+                "others_deliveries": state.others_deliveries,
+            }
+        xp = self._backend.xp
+        # A node delivers to one AUV at most, so that "to another" is "to any, but not to me".
+        by_others = xp.any(delivered, axis=1, keepdims=True) & ~delivered
+        age, _ = advance(xp, state.others_age, by_others, self._maximum_age)
+        more = state.others_deliveries + 1
+        return {
+            "others_age": age,
+            "others_deliveries": xp.where(by_others, more, state.others_deliveries),
+        }
+
+    def share(self, total: Array, term: NetworkTerm, state: State) -> Array:
+        """What of a network's term each AUV gets, (envs, auvs).
+
+        Args:
+            total: (envs,) the term.
+            term: the same as a function of ages and deliveries.
+            state: the state after the slot.
+        """
+        if self.is_shared:
+            return self._nodes.alike(total)
+        return total[:, None] - term(state.others_age, state.others_deliveries)

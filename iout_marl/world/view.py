@@ -1,0 +1,71 @@
+"""View: what each AUV knows of the nodes when it does not see all of them."""
+
+from __future__ import annotations
+
+from iout_marl.physics.arrays import Array
+from iout_marl.scenario import Scenario
+from iout_marl.world.backend import Backend
+from iout_marl.world.link import Link
+from iout_marl.world.state import State
+
+
+class View:
+    """Keeps what each AUV has last seen of every node, where its view is limited.
+
+    An AUV sees the nodes within `observation.view_range_m`, and the one that delivers to it.
+    At the start of an episode it knows them all.
+
+    Args:
+        scenario: the scenario.
+        link: its links, which know distances.
+        backend: arrays to work with.
+    """
+
+    def __init__(self, scenario: Scenario, link: Link, backend: Backend) -> None:
+        range_m = scenario.observation.view_range_m
+        self.is_limited = range_m is not None
+        self._link = link
+        self._backend = backend
+        self._range_m = backend.floats(range_m or 0.0)
+        self._shape = (scenario.num_auvs, scenario.num_nodes if self.is_limited else 0)
+        self._initial_age = float(scenario.age.initial)
+
+    def first(self, num_envs: int) -> dict[str, Array]:
+        """Fields of the first state of an episode."""
+        nothing = self._backend.zeros((num_envs, *self._shape))
+        return {
+            "seen_age": nothing + self._initial_age,
+            "seen_energy_j": nothing,
+            "seen_slot": nothing,
+        }
+
+    def after(
+        self, state: State, cell: Array, age: Array, energy_j: Array, delivered: Array
+    ) -> dict[str, Array]:
+        """Fields of the state after a slot.
+
+        Args:
+            state: the state before it.
+            cell: (envs, auvs) codes of the AUVs' new cells.
+            age, energy_j: (envs, nodes) ages and stored energies after it.
+            delivered: (envs, auvs, nodes) bool, who delivered to whom.
+        """
+        if not self.is_limited:
+            return {
+                "seen_age": state.seen_age,
+                "seen_energy_j": state.seen_energy_j,
+                "seen_slot": state.seen_slot,
+            }
+        xp = self._backend.xp
+        seen = self.sees(cell, state.node_cell) | delivered
+        slot = xp.astype(state.slot + 1, age.dtype)[:, None, None]
+        return {
+            "seen_age": xp.where(seen, age[:, None, :], state.seen_age),
+            "seen_energy_j": xp.where(seen, energy_j[:, None, :], state.seen_energy_j),
+            "seen_slot": xp.where(seen, slot, state.seen_slot),
+        }
+
+    def sees(self, cell: Array, node_cell: Array) -> Array:
+        """Which nodes are within range: (envs, auvs, nodes) bool."""
+        offset = self._link.offset(cell[:, :, None], node_cell[:, None, :])
+        return self._link.at(self._link.distance_m, offset) <= self._range_m

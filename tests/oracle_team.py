@@ -1,0 +1,71 @@
+"""The oracle's team: what each AUV knows of the network and of the others, and what it adds."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from oracle import Oracle
+
+
+class Notebook:
+    """What one AUV has seen and brought in, over an episode."""
+
+    def __init__(self, oracle: Oracle, auv: int) -> None:
+        self.oracle, self.auv = oracle, auv
+        self.seen_age = list(oracle.age)
+        self.seen_energy_j = list(oracle.energy_j)
+        self.seen_slot = [0 for _ in oracle.nodes]
+        # The network as it would be had nothing ever reached this AUV.
+        self.age_without = list(oracle.age)
+        self.deliveries_without = [0 for _ in oracle.nodes]
+
+    def turn_page(self) -> None:
+        """After a slot of the oracle."""
+        oracle, reach_m = self.oracle, self.oracle.scenario.observation.view_range_m
+        for node in oracle.nodes:
+            takers = [a for a, e in enumerate(oracle.events) if e.delivered and e.heard == node]
+            if reach_m is not None and (
+                takers == [self.auv] or oracle.distance_m(self.auv, node) <= reach_m
+            ):
+                self.seen_age[node] = oracle.age[node]
+                self.seen_energy_j[node] = oracle.energy_j[node]
+                self.seen_slot[node] = oracle.slot
+            if takers and takers != [self.auv]:
+                self.age_without[node] = 1
+                self.deliveries_without[node] += 1
+            else:
+                older = self.age_without[node] + 1
+                self.age_without[node] = min(older, oracle.scenario.age.maximum)
+
+    def observation(self) -> list[float]:
+        """Eq. `state space` of this AUV, and what the scenario appends to it."""
+        oracle, settings = self.oracle, self.oracle.scenario.observation
+        own, limited = oracle.auv_cells[self.auv], settings.view_range_m is not None
+        seen = [*own]
+        seen += self.seen_age if limited else oracle.age
+        seen += self.seen_energy_j if limited else oracle.energy_j
+        if settings.node_positions:
+            seen += [coordinate for cell in oracle.node_cells for coordinate in cell]
+        if settings.time:
+            seen.append(oracle.slot / oracle.scenario.num_slots)
+        if settings.other_auvs:
+            steps = []
+            for other in oracle.auvs:
+                if other != self.auv:
+                    pairs = zip(oracle.auv_cells[other], own, strict=True)
+                    steps.append(tuple(theirs - mine for theirs, mine in pairs))
+            # Of equally near ones the first in x, y and z.
+            for step in sorted(steps, key=lambda s: (sum(c * c for c in s), s)):
+                seen += step
+        if limited:
+            seen += [oracle.slot - slot for slot in self.seen_slot]
+        if settings.agent_index:
+            seen += [float(other == self.auv) for other in oracle.auvs]
+        return seen
+
+    def jain_without(self) -> float:
+        squares = math.fsum(n**2 for n in self.deliveries_without)
+        total = sum(self.deliveries_without)
+        return total**2 / (len(self.oracle.nodes) * squares) if squares else 0.0
