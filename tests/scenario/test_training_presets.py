@@ -25,6 +25,7 @@ normalise_value: false
 target_kl: null
 hidden_units: [4]
 activation: relu
+critic: central
 observation_scaling: none
 reward_scaling: none
 mask_actions: false
