@@ -117,7 +117,7 @@ def test_preset_gives_every_setting_but_its_own_name():
         (OWN.replace("epochs", "epoch"), r"^own\.yaml:4: training\.epoch: unknown key; did you "),
         (OWN + "cases: 3", r"own\.yaml:25: cases: must be a list"),
         (OWN + "cases: [3]", r"own\.yaml:25: cases: each must have the mappings 'when' and 'set'"),
-        (OWN + "cases:\n- {when: {}}", r"own\.yaml:25: cases: each must have the mappings"),
+        (OWN + "cases:\n- {when: {}}", r"own\.yaml:26: cases: each must have the mappings"),
         (OWN + "cases: [{when: 3, set: {}}]", r"own\.yaml:25: cases: each must have the mappings"),
         (OWN + "cases: [{when: {}, set: [1]}]", r"own\.yaml:25: cases: each must have the "),
         (OWN + "cases: [{when: {}, set: {epochs: x}}]", r"^own\.yaml:25: training\.epochs: must "),
