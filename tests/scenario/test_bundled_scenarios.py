@@ -9,17 +9,25 @@ from hypothesis import strategies as st
 from iout_marl import World, bundled_names, load_scenario
 from iout_marl.scenario import bundled_root, to_yaml
 
-EXPECTED = [
+PAPER = [
     f"{family}/k{nodes}-{duplex}"
     for family, nodes, duplex in itertools.product(("best", "paper"), (3, 5, 7, 10), ("fdd", "tdd"))
 ]
+MULTI = [
+    "multi/m2-k13-fdd",
+    *(
+        f"multi/m{auvs}-k{nodes}-{duplex}"
+        for auvs, nodes, duplex in itertools.product((1, 2, 3, 4), (10, 20, 50), ("fdd", "tdd"))
+    ),
+]
+EXPECTED = [*PAPER, *MULTI]
 
 
 def test_list_is_complete():
-    assert bundled_names() == EXPECTED
+    assert sorted(bundled_names()) == sorted(EXPECTED)
 
 
-@pytest.mark.parametrize("name", EXPECTED)
+@pytest.mark.parametrize("name", PAPER)
 def test_is_what_its_name_says(name):
     scenario = load_scenario(name)
     family, _, rest = name.partition("/")
@@ -32,9 +40,31 @@ def test_is_what_its_name_says(name):
     assert scenario.description
 
 
+@pytest.mark.parametrize("name", MULTI)
+def test_of_several_auvs_is_what_its_name_says(name):
+    scenario = load_scenario(name)
+    auvs, nodes, duplex = name.removeprefix("multi/").split("-")
+    assert scenario.name == name
+    assert scenario.num_auvs == int(auvs.removeprefix("m"))
+    assert scenario.num_nodes == int(nodes.removeprefix("k"))
+    assert len(set(scenario.nodes.cells[: scenario.num_nodes])) == scenario.num_nodes
+    assert scenario.duplex.kind == duplex
+    assert scenario.duplex.kind == "fdd" or scenario.duplex.beta_rule == "stored"
+    assert scenario.channel.access == "interference"
+    assert scenario.reward.kind == "mean_age"
+    assert scenario.num_slots == (55 if nodes == "k13" else 100)
+    assert scenario.description
+
+
+def test_layouts_of_several_auvs_begin_with_the_papers():
+    paper = load_scenario("paper/k10-fdd").nodes.cells
+    assert load_scenario("multi/m4-k50-tdd").nodes.cells[:10] == paper
+
+
 @pytest.mark.parametrize("name", EXPECTED)
 def test_has_a_world(name):
-    assert World(load_scenario(name)).num_slots == 100
+    scenario = load_scenario(name)
+    assert World(scenario).num_slots == scenario.num_slots
 
 
 @pytest.mark.parametrize("name", EXPECTED)
