@@ -203,6 +203,16 @@ def _stop_signals(*, catch: bool) -> Iterator[list[int]]:
             signal.signal(name, handler)
 
 
+def _traits(scenario: Scenario) -> tuple[str, ...]:
+    """What, beside the `observation` section, shapes observations and actions."""
+    return (
+        f"{scenario.num_auvs} AUV" + ("s" if scenario.num_auvs > 1 else ""),
+        f"{scenario.num_nodes} nodes",
+        f"duplex.kind {scenario.duplex.kind}",
+        f"auvs.motion {scenario.auvs.motion}",
+    )
+
+
 def load_run(run: Path, scenario: Scenario, *, transfer: bool) -> tuple[RunFolder, Scenario]:
     """A run's folder, and the scenario to evaluate its policy on.
 
@@ -225,17 +235,16 @@ def load_run(run: Path, scenario: Scenario, *, transfer: bool) -> tuple[RunFolde
         return folder, scenario.model_copy(update={"nodes": own.nodes})
     different = differences(own, scenario)
     where = next(k for k in different if not k.startswith(("reward.", "training.")))
-    fits = (
-        own.num_nodes == scenario.num_nodes
-        and own.num_auvs == scenario.num_auvs
-        and own.duplex.kind == scenario.duplex.kind
-        and own.observation == scenario.observation
-        and own.auvs.motion == scenario.auvs.motion
-    )
-    if not fits:
+    misfits = [
+        f"{needed}, not {given}"
+        for needed, given in zip(_traits(own), _traits(scenario), strict=True)
+        if needed != given
+    ]
+    if misfits or own.observation != scenario.observation:
+        needs = "; ".join(misfits) or f"the {where} of its training"
         raise InputError(
-            f"{run}: was trained on another scenario, {own.name}, whose {where} differs: "
-            "its observations and actions do not fit"
+            f"{run}: was trained on another scenario, {own.name}: its observations and actions "
+            f"do not fit; it needs {needs}"
         )
     if not transfer:
         raise InputError(

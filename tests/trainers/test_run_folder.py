@@ -315,18 +315,19 @@ class TestEvaluatingARun:
         assert evaluate(scenario, run.load_policy(), 1).episodes == 1
 
     @pytest.mark.parametrize(
-        "changes",
+        ("changes", "needs"),
         [
-            {"nodes": {"cells": [[1, 1, 1]], "count": 1}},
-            {"duplex.kind": "tdd"},
-            {"observation.time": True},
-            {"auvs.start_cells": [[1, 1, 1], [2, 1, 1]]},
+            ({"nodes": {"cells": [[1, 1, 1]], "count": 1}}, "2 nodes, not 1 nodes"),
+            ({"duplex.kind": "tdd"}, "duplex.kind fdd, not duplex.kind tdd"),
+            ({"observation.time": True}, "the observation.time of its training"),
+            ({"auvs.start_cells": [[1, 1, 1], [2, 1, 1]]}, "1 AUV, not 2 AUVs"),
+            ({"auvs": {"count": 2, "motion": "hover"}}, "1 AUV, not 2 AUVs; auvs.motion six, not"),
         ],
     )
-    def test_world_that_does_not_fit_is_refused_in_any_case(self, folder, tiny, changes):
+    def test_world_that_does_not_fit_is_refused_in_any_case(self, folder, tiny, changes, needs):
         for transfer in (False, True):
             message = refusal(lambda t=transfer: load_run(folder, tiny(changes), transfer=t))
-            assert message.endswith("its observations and actions do not fit")
+            assert f"its observations and actions do not fit; it needs {needs}" in message
 
     def test_run_in_a_layout_of_its_own_is_evaluated_there(self, tiny, tmp_path):
         drawn = tiny({"nodes": {"kind": "random", "count": 2, "redraw": "run"}})
