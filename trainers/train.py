@@ -203,14 +203,14 @@ def _stop_signals(*, catch: bool) -> Iterator[list[int]]:
             signal.signal(name, handler)
 
 
-def _traits(scenario: Scenario) -> tuple[str, ...]:
+def _traits(scenario: Scenario) -> dict[str, str | int]:
     """What, beside the `observation` section, shapes observations and actions."""
-    return (
-        f"{scenario.num_auvs} AUV" + ("s" if scenario.num_auvs > 1 else ""),
-        f"{scenario.num_nodes} nodes",
-        f"duplex.kind {scenario.duplex.kind}",
-        f"auvs.motion {scenario.auvs.motion}",
-    )
+    return {
+        "auvs.count": scenario.num_auvs,
+        "nodes.count": scenario.num_nodes,
+        "duplex.kind": scenario.duplex.kind,
+        "auvs.motion": scenario.auvs.motion,
+    }
 
 
 def load_run(run: Path, scenario: Scenario, *, transfer: bool) -> tuple[RunFolder, Scenario]:
@@ -235,10 +235,11 @@ def load_run(run: Path, scenario: Scenario, *, transfer: bool) -> tuple[RunFolde
         return folder, scenario.model_copy(update={"nodes": own.nodes})
     different = differences(own, scenario)
     where = next(k for k in different if not k.startswith(("reward.", "training.")))
+    given = _traits(scenario)
     misfits = [
-        f"{needed}, not {given}"
-        for needed, given in zip(_traits(own), _traits(scenario), strict=True)
-        if needed != given
+        f"{key} {needed}, not {given[key]}"
+        for key, needed in _traits(own).items()
+        if needed != given[key]
     ]
     if misfits or own.observation != scenario.observation:
         needs = "; ".join(misfits) or f"the {where} of its training"

@@ -146,7 +146,7 @@ class TestRuns:
 
     def test_run_that_does_not_fit_by_transfer(self, refused, folder):
         line = refused("evaluate", "paper/k10-tdd", "--policy", folder, "--transfer")
-        assert "do not fit; it needs 2 nodes, not 10 nodes; duplex.kind fdd, not" in line
+        assert "do not fit; it needs nodes.count 2, not 10; duplex.kind fdd, not tdd" in line
 
     def test_run_without_a_checkpoint(self, refused, folder):
         (folder / "checkpoint.pt").unlink()

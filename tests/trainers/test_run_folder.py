@@ -317,11 +317,14 @@ class TestEvaluatingARun:
     @pytest.mark.parametrize(
         ("changes", "needs"),
         [
-            ({"nodes": {"cells": [[1, 1, 1]], "count": 1}}, "2 nodes, not 1 nodes"),
-            ({"duplex.kind": "tdd"}, "duplex.kind fdd, not duplex.kind tdd"),
+            ({"nodes": {"cells": [[1, 1, 1]], "count": 1}}, "nodes.count 2, not 1"),
+            ({"duplex.kind": "tdd"}, "duplex.kind fdd, not tdd"),
             ({"observation.time": True}, "the observation.time of its training"),
-            ({"auvs.start_cells": [[1, 1, 1], [2, 1, 1]]}, "1 AUV, not 2 AUVs"),
-            ({"auvs": {"count": 2, "motion": "hover"}}, "1 AUV, not 2 AUVs; auvs.motion six, not"),
+            ({"auvs.start_cells": [[1, 1, 1], [2, 1, 1]]}, "auvs.count 1, not 2"),
+            (
+                {"auvs": {"count": 2, "motion": "hover"}},
+                "auvs.count 1, not 2; auvs.motion six, not hover",
+            ),
         ],
     )
     def test_world_that_does_not_fit_is_refused_in_any_case(self, folder, tiny, changes, needs):
