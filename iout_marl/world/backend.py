@@ -42,6 +42,14 @@ class Backend:
         """`values` as an integer array, fit for indexing."""
         return self.xp.asarray(values, dtype=self.xp.int64, device=self.device)
 
+    def surely_none(self, flags: Array) -> bool:
+        """Whether all flags are false, as far as asking costs nothing.
+
+        An accelerator would have to stop for the answer, and a compiled graph would break:
+        there it is False, and a loop that could end early goes on without effect.
+        """
+        return self.xp is np and not flags.any()
+
     def zeros(self, shape: tuple[int, ...]) -> Array:
         """Floating zeros."""
         return self.xp.zeros(shape, dtype=self.dtype, device=self.device)

@@ -31,6 +31,7 @@ class Motion:
     def __init__(self, grid: Grid, kind: str, separation_cells: float, backend: Backend) -> None:
         self.steps = np.array(DIRECTIONS[kind])
         self.num_directions = len(self.steps)
+        self._backend = backend
         self._xp = backend.xp
         neighbours, inside = _neighbour_tables(grid, self.steps)
         self.neighbour = backend.integers(neighbours.reshape(-1))
@@ -76,6 +77,8 @@ class Motion:
             swaps = swaps & xp.matrix_transpose(swaps)
             moves = new_cell != cell
             stops = moves & xp.any((near | (swaps & moves[:, None, :])) & another, axis=2)
+            if self._backend.surely_none(stops):
+                break
             new_cell = xp.where(stops, cell, new_cell)
         return new_cell
 

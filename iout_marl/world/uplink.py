@@ -111,6 +111,7 @@ class Interference(_ToOneReceiver):
 
     def __init__(self, scenario: Scenario, link: Link, backend: Backend) -> None:
         super().__init__(scenario, link, backend)
+        self._backend = backend
         auvs = range(scenario.num_auvs)
         self._identity = backend.floats([[float(a == b) for b in auvs] for a in auvs])
         self._others = backend.floats([[float(a != b) for b in auvs] for a in auvs])
@@ -138,7 +139,7 @@ class Interference(_ToOneReceiver):
             # At the root of the energy balance a rounding may leave a little too little.
             pays = (factor <= 1) | (request.payable_j >= required_j * factor)
             fails = xp.any(sending & ~(solved & pays), axis=1, keepdims=True)
-            if not bool(xp.any(fails)):
+            if self._backend.surely_none(fails):
                 break
             weakness = xp.where(sending, own_w, self._none)
             weakest = sending & (weakness == xp.max(weakness, axis=1, keepdims=True))
