@@ -3,10 +3,11 @@
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.policies.baselines import Greedy, RandomWalk, RoundRobin
 from iout_marl.policies.policy import Actions, ObservationPolicy, Policy
+from iout_marl.policies.tour import Tour
 
 #: The baselines by name, in the order in which tables list them.
-BASELINES: dict[str, type[RandomWalk] | type[RoundRobin] | type[Greedy]] = {
-    p.name: p for p in (RandomWalk, RoundRobin, Greedy)
+BASELINES: dict[str, type[RandomWalk] | type[RoundRobin] | type[Greedy] | type[Tour]] = {
+    p.name: p for p in (RandomWalk, RoundRobin, Greedy, Tour)
 }
 
 
@@ -29,5 +30,6 @@ __all__ = [
     "Policy",
     "RandomWalk",
     "RoundRobin",
+    "Tour",
     "make_baseline",
 ]

@@ -55,7 +55,7 @@ class TestEveryBaseline:
 
 
 def test_names_are_those_of_the_table():
-    assert list(BASELINES) == ["random-walk", "round-robin", "greedy"]
+    assert list(BASELINES) == ["random-walk", "round-robin", "greedy", "tour"]
     assert all(make_baseline(name).name == name for name in BASELINES)
 
 

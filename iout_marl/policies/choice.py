@@ -1,0 +1,171 @@
+"""Whom AUVs charge and hear from where they are: the oldest data that can be had now."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.scenario import Tdd
+from iout_marl.world import State, World
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+#: Taken off the worth of what is of no use: beyond any age.
+_BETTER_NOT = 1e9
+
+
+class Links(NamedTuple):
+    """What each AUV could do with each node in a slot, (envs, auvs, nodes) each."""
+
+    offset: Integers  # see `Link`
+    harvested_j: Floats  # energy that the node harvests in a slot of nothing but charging
+    required_j: Floats  # energy of an uplink over the whole slot, alone in the band
+    missing_slots: Floats  # slots of charging from here until the node can pay that
+
+
+def links(world: World, cell: Integers, state: State) -> Links:
+    """The links from the (envs, auvs) cells to the nodes, with the energy that they have."""
+    link = world.link
+    offset = link.offset(cell[:, :, None], state.node_cell[:, None, :])
+    harvested_j = link.at(link.harvested_w, offset) * link.slot_s
+    required_j = link.at(link.slot_uplink_j, offset)
+    missing_j = np.maximum(required_j - state.energy_j[:, None, :], 0)
+    missing_slots = missing_j / np.maximum(harvested_j, np.finfo(np.float64).tiny)
+    return Links(offset, harvested_j, required_j, missing_slots)
+
+
+def near_uplink_j(world: World) -> float:
+    """The energy of an uplink from the next cell: what makes a store much or little."""
+    channel = world.link.channel
+    power_per_snr_w = channel.power_per_snr_w(world.scenario.grid.spacing_m)
+    return float(channel.required_energy_j(power_per_snr_w, world.link.slot_s))
+
+
+def choose(world: World, state: State, cell: Integers, hastes: tuple[float, ...]) -> Integers:
+    """The nodes that the AUVs name once they are in `cell`.
+
+    AUVs choose in turn, the one with the most to gain first, and no two the same node
+    while there are others. In FDD they hear the oldest nodes that can pay, and charge
+    where stores grow most in proportion. In TDD a node is worth its age, divided by
+    (the slots until it has paid)^haste.
+
+    Args:
+        world: the world: its rules. `state` may be of another number of environments.
+        state: the state before the slot.
+        cell: (envs, auvs) codes of the cells that the AUVs will be in.
+        hastes: exponents, from 0; FDD makes no difference between them.
+
+    Returns:
+        (hastes, envs, auvs, 1 or 2): the entries of an action after the direction.
+    """
+    here = links(world, cell, state)
+    if isinstance(world.scenario.duplex, Tdd):
+        return _choose_one(world, state, cell, here, hastes)[..., None]
+    return np.stack([np.stack(_choose_two(world, state, here), axis=-1)] * len(hastes))
+
+
+def _choose_two(world: World, state: State, here: Links) -> tuple[Integers, Integers]:
+    """FDD: the node to charge and the node to hear, (envs, auvs) each."""
+    envs, auvs, _ = here.offset.shape
+    near_j, stored_j = near_uplink_j(world), state.energy_j[:, None, :]
+    can_pay = stored_j + here.harvested_j > here.required_j
+    # Ages are whole: the second term but decides between equals, for the cheaper uplink.
+    cheap = 1 / (2 + here.required_j / near_j)
+    worth = np.where(can_pay, state.age[:, None, :] + cheap, -np.inf)
+
+    energy_j = state.energy_j.copy()
+    charged, heard = np.full((envs, auvs), -1), np.zeros((envs, auvs), dtype=np.int64)
+    exclusive = world.scenario.channel.access == "exclusive"
+    for _ in range(1 if exclusive else auvs):
+        env, auv, node = _best(worth)
+        # In exclusive access all hear the one node: it sends once, to the nearest AUV.
+        heard[env, slice(None) if exclusive else auv] = node[:, None] if exclusive else node
+        needs_charge = here.missing_slots[env, auv, node] > 0
+        charged[env[needs_charge], auv[needs_charge]] = node[needs_charge]
+        gain_j = np.where(needs_charge, here.harvested_j[env, auv, node], 0)
+        energy_j[env, node] += gain_j - here.required_j[env, auv, node]
+        worth[env, auv] = -np.inf
+        worth[env, :, node] = -np.inf
+
+    every = np.arange(envs)
+    for charger in range(auvs):
+        harvested_j = here.harvested_j[:, charger]
+        growth = harvested_j / (np.maximum(energy_j, 0) + near_j)
+        decided = charged[:, charger] >= 0
+        chosen = np.where(decided, charged[:, charger], growth.argmax(-1))
+        energy_j[every, chosen] += np.where(decided, 0, harvested_j[every, chosen])
+        charged[:, charger] = chosen
+    return charged, heard
+
+
+def _choose_one(
+    world: World, state: State, cell: Integers, here: Links, hastes: tuple[float, ...]
+) -> Integers:
+    """TDD: the node to charge and hear, (hastes, envs, auvs)."""
+    stored_j = np.broadcast_to(state.energy_j[:, None, :], here.offset.shape)
+    beta = np.asarray(world.duplex.split(here.offset, here.offset, stored_j).beta)
+    slots = 1 + np.where(beta < 1, 0, here.missing_slots)
+    spoils = _spoils(world)
+    if spoils is _drowns:
+        too_weak = (beta == 0) & (stored_j < here.required_j * _noise(world, cell)[..., None])
+        slots = np.where(too_weak, 2, slots)
+
+    named = np.zeros((len(hastes), *cell.shape), dtype=np.int64)
+    for row, haste in zip(named, hastes, strict=True):
+        worth = state.age[:, None, :] / slots**haste
+        for _ in range(world.num_auvs):
+            env, auv, node = _best(worth)
+            row[env, auv] = node
+            worth[env, auv] = -np.inf
+            # Better not: below anything that is of use, but an AUV must name a node.
+            worth[env, :, node] -= _BETTER_NOT
+            if spoils is not None:
+                first = beta[env, auv, node][:, None, None]
+                worth[env] -= np.where(spoils(first, beta[env]), _BETTER_NOT, 0)
+    return named
+
+
+def _spoils(world: World) -> Callable[[Floats, Floats], npt.NDArray[np.bool_]] | None:
+    """Whether two AUVs' shares β of a slot for charging go ill together; None if none do."""
+    duplex, access = world.scenario.duplex, world.scenario.channel.access
+    if world.num_auvs == 1 or access == "orthogonal":
+        return None
+    if access == "exclusive":
+        return _collide
+    return _drowns if isinstance(duplex, Tdd) and not duplex.synchronised else None
+
+
+def _collide(first: Floats, second: Floats) -> npt.NDArray[np.bool_]:
+    """Both listen."""
+    return np.maximum(first, second) < 1
+
+
+def _drowns(first: Floats, second: Floats) -> npt.NDArray[np.bool_]:
+    """Whether of two AUVs that charge for these shares one spoils what the other hears.
+
+    An AUV that charges the longer drowns the uplink to one that listens meanwhile. Where the
+    node was charged for just what it needs, it can not make up for it.
+    """
+    shorter, longer = np.minimum(first, second), np.maximum(first, second)
+    return (shorter > 0) & (shorter < longer)
+
+
+def _noise(world: World, cell: Integers) -> Floats:
+    """The factor on an uplink's energy if all other AUVs charge meanwhile, (envs, auvs)."""
+    link = world.link
+    between = link.offset(cell[:, :, None], cell[:, None, :])
+    louder = link.channel.charging_disturbance_w / link.at(link.power_per_snr_w, between)
+    noise: Floats = 1 + (louder * (1 - np.eye(cell.shape[1]))).sum(-1)
+    return noise
+
+
+def _best(worth: Floats) -> tuple[Integers, Integers, Integers]:
+    """Environment, AUV and node of the highest worth, of all environments that have any."""
+    flat = worth.reshape(len(worth), -1)
+    best = flat.argmax(-1)
+    env = np.flatnonzero(flat[np.arange(len(flat)), best] > -np.inf)
+    auv, node = np.divmod(best[env], worth.shape[-1])
+    return env, auv, node

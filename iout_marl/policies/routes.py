@@ -1,0 +1,189 @@
+"""Routes for a fleet: nodes shared out, a short tour of each share, cells slot by slot."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
+
+#: Rounds of k-means; it settles within a few.
+_ROUNDS = 20
+#: How far tours reach: from the middle of a share (0) to each of its nodes (1).
+REACHES = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0)
+
+Points = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+def tours(
+    nodes: Indices,
+    starts: Indices,
+    num_slots: int,
+    shape: tuple[int, int, int],
+    *,
+    may_rest: bool,
+) -> Indices:
+    """Routes of a fleet, a choice of them: every AUV round its share of the nodes.
+
+    Sound reaches far, so a tour need not touch its nodes: for each of `REACHES` its
+    waypoints lie that far on the way from the middle of the share to the node.
+
+    Args:
+        nodes: (nodes, 3) cells from 0.
+        starts: (auvs, 3) cells from 0.
+        num_slots: how many slots to plan for.
+        shape: cells of the grid along each axis.
+        may_rest: whether an AUV may stay where it is.
+
+    Returns:
+        (reaches, slots, auvs, 3) cells from 0 after each slot.
+    """
+    points = nodes.astype(np.float64)
+    shares = shared_out(points, starts.astype(np.float64))
+    stops = -(-len(nodes) // len(starts))
+    waypoints = np.empty((len(REACHES), len(starts), stops, 3), dtype=np.int64)
+    for auv, share in enumerate(shares):
+        # An AUV without a share stays about the middle of them all.
+        own = points[share] if len(share) else points.mean(axis=0, keepdims=True)
+        own = own[tour_order(own)]
+        middle = own.mean(axis=0)
+        padded = own[np.minimum(np.arange(stops), len(own) - 1)]
+        for reach, row in zip(REACHES, waypoints, strict=True):
+            row[auv] = np.rint(middle + reach * (padded - middle))
+    cells = walk(
+        np.tile(starts, (len(REACHES), 1)),
+        waypoints.reshape(-1, stops, 3),
+        num_slots,
+        shape,
+        may_rest=may_rest,
+    )
+    return cells.reshape(num_slots, len(REACHES), len(starts), 3).swapaxes(0, 1)
+
+
+def shared_out(nodes: Points, starts: Points) -> list[Indices]:
+    """Which nodes each AUV looks after: near one another, and as many as any other's.
+
+    Balanced k-means: centres and nodes are matched at the least sum of squared
+    distances, each centre with ⌊K/M⌋ or ⌈K/M⌉ nodes, until no node changes. Shares go to
+    the AUVs that start nearest to them.
+
+    Args:
+        nodes: (nodes, 3) coordinates.
+        starts: (auvs, 3) coordinates.
+
+    Returns:
+        indices of its nodes for every AUV; of no node where there are more AUVs than nodes.
+    """
+    centres, share = starts.astype(np.float64), np.full(len(nodes), -1)
+    for _ in range(_ROUNDS):
+        before, share = share, _nearest_in_balance(nodes, centres)
+        if (share == before).all():
+            break
+        for i in set(share.tolist()):
+            centres[i] = nodes[share == i].mean(axis=0)
+    auvs, shares = linear_sum_assignment(_squared(starts, centres))
+    return [np.flatnonzero(share == shares[auv]) for auv in auvs]
+
+
+def _nearest_in_balance(nodes: Points, centres: Points) -> Indices:
+    """The centre of each node, (nodes,), where all centres have as many, give or take one."""
+    whole, rest = divmod(len(nodes), len(centres))
+    cost = _squared(nodes, centres)
+    if not rest:
+        places = np.repeat(np.arange(len(centres)), whole)
+        return places[linear_sum_assignment(cost[:, places])[1]]
+    places = np.repeat(np.arange(len(centres)), whole + 1)
+    # Who fills one of the places that stay empty: only the last one of a centre may.
+    filler = np.full(len(places), cost.sum() + 1)
+    filler[whole :: whole + 1] = 0
+    table = np.vstack([cost[:, places], np.tile(filler, (len(centres) - rest, 1))])
+    return places[linear_sum_assignment(table)[1][: len(nodes)]]
+
+
+def tour_order(nodes: Points) -> Indices:
+    """An order of nodes whose closed tour is short, counted in moves from cell to cell.
+
+    Nearest neighbour from the first node on, then reversals of stretches (2-opt) until
+    none makes the tour shorter.
+
+    Args:
+        nodes: (nodes, 3) coordinates.
+    """
+    moves = moves_between(nodes, nodes)
+    order = nearest_neighbour_order(moves)
+    count = len(order)
+    while count > 3:
+        ahead = np.roll(order, -1)
+        legs = moves[order, ahead]
+        # Reversing i+1 … j puts the legs (i, j) and (i+1, j+1) in place of two others.
+        new = moves[order[:, None], order] + moves[ahead[:, None], ahead]
+        gain = np.triu(legs[:, None] + legs - new, 1)
+        i, j = np.unravel_index(gain.argmax(), gain.shape)
+        if gain[i, j] <= 0:
+            break
+        order[i + 1 : j + 1] = order[i + 1 : j + 1][::-1].copy()
+    return order
+
+
+def nearest_neighbour_order(moves: Points) -> Indices:
+    """From the first node on, always to the nearest that is left; `moves` (nodes, nodes)."""
+    order, left = [0], np.ones(len(moves), dtype=np.bool_)
+    for _ in range(len(moves) - 1):
+        left[order[-1]] = False
+        order.append(int(np.where(left, moves[order[-1]], np.inf).argmin()))
+    return np.array(order)
+
+
+def moves_between(first: Points, second: Points) -> Points:
+    """Moves from each point to each other, along one axis at a time: (first, second)."""
+    return np.abs(first[:, None, :] - second).sum(-1).astype(np.float64)
+
+
+def walk(
+    starts: Indices,
+    waypoints: Indices,
+    num_slots: int,
+    shape: tuple[int, int, int],
+    *,
+    may_rest: bool,
+) -> Indices:
+    """Cells of walks round their waypoints, slot by slot, from the nearest waypoint on.
+
+    A step is along the axis of the longest way left, which keeps close to the straight line.
+
+    Args:
+        starts: (walks, 3) cells from 0.
+        waypoints: (walks, stops, 3) cells of each walk in the order of its tour.
+        num_slots: how many slots to walk.
+        shape: cells of the grid along each axis.
+        may_rest: whether an AUV may stay where it is. If not, at a lone waypoint it
+            goes to and fro.
+
+    Returns:
+        (slots, walks, 3) cells after each slot.
+    """
+    every, num_stops = np.arange(len(waypoints)), waypoints.shape[1]
+    stop = np.abs(waypoints - starts[:, None, :]).sum(-1).argmin(-1)
+    # To and fro along the longest axis, which has room for it if any has.
+    aside = np.eye(3, dtype=np.int64)[int(np.argmax(shape))]
+    last = np.array(shape) - 1
+    here, cells = starts, np.empty((num_slots, len(waypoints), 3), dtype=np.int64)
+    for slot in range(num_slots):
+        for _ in range(num_stops):  # waypoints of one cell are all reached at once
+            arrived = (waypoints[every, stop] == here).all(-1)
+            stop = np.where(arrived, (stop + 1) % num_stops, stop)
+        way = waypoints[every, stop] - here
+        axis = np.abs(way).argmax(-1)
+        step = np.zeros_like(way)
+        step[every, axis] = np.sign(way[every, axis])
+        if not may_rest:
+            rests = ~step.any(-1, keepdims=True)
+            step = np.where(rests, np.where(here + aside > last, -aside, aside), step)
+        here = np.clip(here + step, 0, last)
+        cells[slot] = here
+    return cells
+
+
+def _squared(first: Points, second: Points) -> Points:
+    squared: Points = ((first[:, None, :] - second) ** 2).sum(-1).astype(np.float64)
+    return squared
