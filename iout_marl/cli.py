@@ -18,7 +18,7 @@ from iout_marl import __version__
 from iout_marl.cli_studies import Overrides, report, reproduce
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.evaluation import Evaluation, evaluate
-from iout_marl.policies import BASELINES, make_baseline
+from iout_marl.policies import BASELINES, UNTRAINED, make_baseline
 from iout_marl.scenario import Scenario, bundled_names, load_scenario, to_yaml
 from iout_marl.world import pin_layout
 
@@ -162,7 +162,7 @@ def evaluate_command(
         list[str] | None,
         typer.Option(
             metavar="NAME|RUN",
-            help=f"{', '.join(BASELINES)}, or the folder of a run; may be repeated "
+            help=f"{', '.join(UNTRAINED)}, or the folder of a run; may be repeated "
             "[all baselines].",
         ),
     ] = None,
@@ -182,7 +182,7 @@ def evaluate_command(
     loaded = load_scenario(scenario, overrides or [])
     names = policy or list(BASELINES)
     for name in names:
-        if name not in BASELINES and _is_folder(name):
+        if name not in UNTRAINED and _is_folder(name):
             # Where a layout is drawn once for a run, every row plays on the run's.
             loaded = _load_run(loaded, name, transfer=transfer)[1]
             break
@@ -203,12 +203,12 @@ def evaluate_command(
 def _evaluate(
     scenario: Scenario, policy: str, episodes: int, seed: int, *, transfer: bool
 ) -> Evaluation:
-    if policy in BASELINES:
+    if policy in UNTRAINED:
         return evaluate(pin_layout(scenario, seed), make_baseline(policy), episodes, seed)
     if not _is_folder(policy):
         raise InputError(
             f"--policy {policy}: neither a baseline nor the folder of a run"
-            + did_you_mean(policy, BASELINES)
+            + did_you_mean(policy, UNTRAINED)
         )
     run, own = _load_run(scenario, policy, transfer=transfer)
     return evaluate(own, run.load_policy(), episodes, seed)

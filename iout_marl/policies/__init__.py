@@ -1,35 +1,44 @@
 """Policies that need no training, and what a policy is."""
 
+from collections.abc import Callable
+
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.policies.baselines import Greedy, RandomWalk, RoundRobin
 from iout_marl.policies.policy import Actions, ObservationPolicy, Policy
-from iout_marl.policies.tour import Tour
+from iout_marl.policies.tour import Search, Tour
 
 #: The baselines by name, in the order in which tables list them.
-BASELINES: dict[str, type[RandomWalk] | type[RoundRobin] | type[Greedy] | type[Tour]] = {
-    p.name: p for p in (RandomWalk, RoundRobin, Greedy, Tour)
+BASELINES: dict[str, Callable[[], Policy]] = {
+    "random-walk": RandomWalk,
+    "round-robin": RoundRobin,
+    "greedy": Greedy,
+    "tour": Tour,
 }
+#: All that need no training: those, and one that takes its time for every layout.
+UNTRAINED: dict[str, Callable[[], Policy]] = {**BASELINES, "planner": Search}
 
 
 def make_baseline(name: str) -> Policy:
-    """The baseline of that name.
+    """The untrained policy of that name.
 
     Raises:
-        InputError: no such baseline.
+        InputError: no such policy.
     """
-    if name not in BASELINES:
-        raise InputError(f"no policy {name!r}{did_you_mean(name, BASELINES)}")
-    return BASELINES[name]()
+    if name not in UNTRAINED:
+        raise InputError(f"no policy {name!r}{did_you_mean(name, UNTRAINED)}")
+    return UNTRAINED[name]()
 
 
 __all__ = [
     "BASELINES",
+    "UNTRAINED",
     "Actions",
     "Greedy",
     "ObservationPolicy",
     "Policy",
     "RandomWalk",
     "RoundRobin",
+    "Search",
     "Tour",
     "make_baseline",
 ]

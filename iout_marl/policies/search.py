@@ -39,16 +39,18 @@ class Plan(NamedTuple):
 class Planner:
     """Plans episodes of a scenario, from any state of one environment.
 
-    First the AUVs go round tours of several reaches. Then the best of them is improved on
-    by a beam search: in every slot several moves of the fleet are tried from each of the
-    episodes that are kept, of which the most promising are kept in turn. Half of the
-    moves of several AUVs go along the tours; a lone AUV tries every direction.
+    First the AUVs go round tours of several reaches. Then, if it searches, the best of them
+    is improved on by a beam search: in every slot several moves of the fleet are tried from
+    each of the episodes that are kept, of which the most promising are kept in turn. Half of
+    the moves of several AUVs go along the tours; a lone AUV tries every direction.
 
     Args:
         scenario: the scenario.
+        searches: whether it searches beyond the tours.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, *, searches: bool) -> None:
+        self._searches = searches
         self._hastes = HASTES if isinstance(scenario.duplex, Tdd) else HASTES[:1]
         self._world = world = World(scenario)
         self._directions = world.motion.num_directions
@@ -63,8 +65,10 @@ class Planner:
         back = order.argsort(kind="stable")
         routes = self._tours(state)
         best, followed = self._follow(_with_nodes(state, order), routes)
-        found = self._search(_with_nodes(state, order), routes[best])
-        plan = min(followed, found, key=lambda plan: plan.age_sum)
+        plan = followed
+        if self._searches:
+            found = self._search(_with_nodes(state, order), routes[best])
+            plan = min(followed, found, key=lambda plan: plan.age_sum)
         actions = plan.actions.copy()
         actions[..., 1:] = order[actions[..., 1:]]
         return Plan(_with_nodes(plan.states, back), actions, plan.age_sum)

@@ -1,4 +1,4 @@
-"""A strong baseline that knows everything: tours, and a search for something better."""
+"""Strong baselines that know everything: tours, and a search for something better."""
 
 from __future__ import annotations
 
@@ -11,15 +11,13 @@ from iout_marl.policies.search import Plan, Planner
 from iout_marl.world import State, World
 
 
-class Tour:
-    """Every AUV goes round a share of the nodes, on a way improved by trying it out.
+class _Planned:
+    """Plays episodes as planned; from a state that no plan has foreseen it plans anew.
 
-    Knows the whole scenario and the whole state, learns nothing and leaves nothing to
-    chance. An episode is planned before its first slot, see `Planner`, and played as
-    planned; from a state that no plan has foreseen it is planned anew.
+    Knows the whole scenario and the whole state, learns nothing and leaves nothing to chance.
     """
 
-    name = "tour"
+    searches: bool
 
     def __init__(self) -> None:
         self._known: WeakKeyDictionary[World, tuple[Planner, list[Plan | None]]]
@@ -27,7 +25,10 @@ class Tour:
 
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:  # noqa: ARG002
         if world not in self._known:
-            self._known[world] = Planner(world.scenario), [None] * world.num_envs
+            self._known[world] = (
+                Planner(world.scenario, searches=self.searches),
+                [None] * world.num_envs,
+            )
         planner, plans = self._known[world]
         fresh: dict[bytes, Plan] = {}
         actions = []
@@ -43,6 +44,23 @@ class Tour:
                 plans[env] = plan
             actions.append(plan.actions[row])
         return np.array(actions)
+
+
+class Tour(_Planned):
+    """Every AUV goes round its share of the nodes, charging and hearing by a fixed rule.
+
+    Tours of several reaches are played in the world before the first slot, the best is kept.
+    """
+
+    name = "tour"
+    searches = False
+
+
+class Search(_Planned):
+    """The best tour, improved on by a beam search in the world itself, see `Planner`."""
+
+    name = "planner"
+    searches = True
 
 
 def _foreseen(plan: Plan | None, state: State) -> int | None:

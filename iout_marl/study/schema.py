@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field, model_validator
 
 from iout_marl.errors import did_you_mean
-from iout_marl.policies import BASELINES
+from iout_marl.policies import UNTRAINED
 from iout_marl.scenario.layers import Layer, read_file
 from iout_marl.scenario.loading import validate
 from iout_marl.scenario.schema import Count, NonNegative, Section, invalid
@@ -16,7 +16,7 @@ from iout_marl.scenario.sources import find_study
 
 #: The policy that is trained, by the scenario's `training` section.
 TRAINED = "ppo"
-POLICIES = (*BASELINES, TRAINED)
+POLICIES = (*UNTRAINED, TRAINED)
 
 Settings: TypeAlias = dict[str, Any]
 Seed: TypeAlias = Annotated[int, Field(ge=0, lt=2**63)]

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chisquare
 
 from iout_marl import InputError, World, evaluate, load_scenario
-from iout_marl.policies import BASELINES, Greedy, RandomWalk, RoundRobin, make_baseline
+from iout_marl.policies import BASELINES, UNTRAINED, Greedy, RandomWalk, RoundRobin, make_baseline
 from iout_marl.world import node_codes
 
 #: Below this a uniform draw is no longer believed; seeds are fixed.
@@ -56,7 +56,8 @@ class TestEveryBaseline:
 
 def test_names_are_those_of_the_table():
     assert list(BASELINES) == ["random-walk", "round-robin", "greedy", "tour"]
-    assert all(make_baseline(name).name == name for name in BASELINES)
+    assert list(UNTRAINED) == [*BASELINES, "planner"]
+    assert all(make_baseline(name).name == name for name in UNTRAINED)
 
 
 def test_unknown_name():
