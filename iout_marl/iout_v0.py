@@ -9,7 +9,7 @@
 | Manual control | no |
 | Agents | `auv_0` … `auv_{M-1}`, one for each AUV of the scenario |
 | Action space | FDD `MultiDiscrete([6, K, K])`, TDD `MultiDiscrete([6, K])` (7 with hovering) |
-| Observation space | `Box(3 + 2K)`, float32, finite bounds |
+| Observation space | `Box(3 + 2K + 3(M − 1))`, float32, finite bounds |
 | State space | `Box(3M + 6K + 1)`, float32, finite bounds |
 
 Sensor nodes without batteries lie in a grid of cells of water. In every slot an AUV
@@ -27,12 +27,15 @@ charge takes from all; one that several hear sends once, to the nearest. How upl
 different AUVs share the band is said by `channel.access`.
 
 **Observations**: own position in cells, counted from 1 (3), ages of the nodes in slots
-(K), energies stored in the nodes in J (K). The scenario may scale them, append the
-nodes' positions or the time, and add a mask of sensible actions.
+(K), energies stored in the nodes in J (K), and with several AUVs the steps in cells to
+each other one, the nearest first. The scenario may scale them, append the nodes' positions,
+the time or the AUV's index, leave the others out, limit how far an AUV knows ages and
+energies (`observation.view_range_m`), and add a mask of sensible actions.
 
 **Rewards**: the scenario's, by default the paper's: minus the mean age times the
 discrimination index 1 − J, minus penalties for leaving the grid, for failed uplinks, and
-for a node that is served too often.
+for a node that is served too often. What the network gains goes to the team, or to each AUV
+for what it has added (`reward.credit: difference`).
 
 **Episodes** have a fixed number of slots (100 in the paper), the same for all AUVs; the
 last slot truncates, it does not terminate.

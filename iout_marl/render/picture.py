@@ -123,7 +123,7 @@ def _draw_energies(figure: Figure, s: Snapshot) -> None:
     unit_j, unit = energy_unit(top_j / 5)  # so that most are above 1 of it
     # What a rounding has left behind is nothing.
     energies = np.where(s.energies_j > 1e-5 * top_j, s.energies_j, 0.0) / unit_j
-    labels = [f"{energy:.3g}" for energy in energies]
+    labels = [f"{float(f'{energy:.3g}'):g}" for energy in energies]
     panel = _draw_bars(figure, style.ENERGIES, energies, top_j / unit_j, style.ENERGY, labels)
     panel.name_across("node")
     note = ""
