@@ -92,14 +92,14 @@ class ActorCritic(nn.Module):
     The critic works on normalised returns, so that neither their mean nor their scale
     drowns the gradient of the actor. It sees an AUV's observation (IPPO: de Witt et al.,
     2020), or the state of the whole network beside it (MAPPO: Yu et al., 2022), which the
-    actor never needs.
+    actor never sees.
 
     Args:
         scaler: what prepares the observations.
         action_sizes: number of choices of each entry of an action.
         hidden_units: width of each hidden layer, of actor and critic alike.
         activation: `tanh` or `relu`.
-        state_scaler: what prepares the state for a central critic; None for none.
+        privileged: what prepares all that the critic alone sees; None where there is nothing.
     """
 
     padding: Tensor
@@ -113,14 +113,14 @@ class ActorCritic(nn.Module):
         action_sizes: Sequence[int],
         hidden_units: Sequence[int],
         activation: str,
-        state_scaler: Scaler | None = None,
+        privileged: Scaler | None = None,
     ) -> None:
         super().__init__()
         self.action_sizes = tuple(action_sizes)
         self.width = max(action_sizes)
         inputs = scaler.shift.shape[0]
         self.scaler = scaler
-        self.state_scaler = state_scaler
+        self.privileged = privileged
         # Small first logits make the first policy all but uniform.
         outputs = len(self.action_sizes) * self.width
         self.actor = perceptron(inputs, hidden_units, outputs, activation, 0.01)
@@ -128,8 +128,8 @@ class ActorCritic(nn.Module):
         for entry, size in zip(padding, self.action_sizes, strict=True):
             entry[size:] = _IMPOSSIBLE
         self.register_buffer("padding", padding, persistent=False)
-        if state_scaler is not None:
-            inputs += state_scaler.shift.shape[0]
+        if privileged is not None:
+            inputs += privileged.shift.shape[0]
         self.critic = perceptron(inputs, hidden_units, 1, activation, 1.0)
         self.register_buffer("return_mean", torch.tensor(0.0))
         self.register_buffer("return_spread", torch.tensor(1.0))
@@ -166,18 +166,16 @@ class ActorCritic(nn.Module):
         samples_last = scores.movedim((-2, -1), (0, 1)).contiguous()
         return samples_last.log_softmax(1).movedim((0, 1), (-2, -1))
 
-    def critic_inputs(self, inputs: Tensor, state: Tensor | None) -> Tensor:
-        """What the critic sees, (…, envs, auvs, entries).
+    def critic_inputs(self, inputs: Tensor, seen: Tensor | None) -> Tensor:
+        """What the critic sees, (…, entries).
 
         Args:
-            inputs: (…, envs, auvs, entries) scaled observations.
-            state: (…, envs, entries) the network's state as the world gives it, for a
-                central critic.
+            inputs: (…, entries) scaled observations.
+            seen: (…, entries) what it alone sees, as the world gives it; None for nothing.
         """
-        if self.state_scaler is None or state is None:
+        if self.privileged is None or seen is None:
             return inputs
-        scaled = self.state_scaler(state).unsqueeze(-2)
-        return torch.cat([inputs, scaled.expand(*inputs.shape[:-1], -1)], dim=-1)
+        return torch.cat([inputs, self.privileged(seen)], dim=-1)
 
     def normalised_value(self, inputs: Tensor) -> Tensor:
         """Values, (…), of (…, entries) `critic_inputs`, in spreads from the mean return."""

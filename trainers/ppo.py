@@ -231,8 +231,8 @@ class Trainer:
             group["lr"] = rate
         losses = self._epochs(data)
         self.network.scaler.update(rollout.observation)
-        if self.network.state_scaler is not None and rollout.state is not None:
-            self.network.state_scaler.update(rollout.state)
+        if self.network.privileged is not None and rollout.privileged is not None:
+            self.network.privileged.update(rollout.privileged)
         unexplained = float((returns - rollout.value).var())
         return {
             **losses,
@@ -318,13 +318,13 @@ def make_network(
     observer: Observer, action_sizes: tuple[int, ...], settings: Training
 ) -> ActorCritic:
     """Untrained networks for a world's observations and actions of these sizes."""
-    is_central = settings.critic == "central"
+    privileged = observer.critic_ranges(central=settings.critic == "central")
     return ActorCritic(
         _scaler(observer.agent_ranges, settings),
         action_sizes,
         settings.hidden_units,
         settings.activation,
-        _scaler(observer.state_ranges, settings) if is_central else None,
+        None if privileged is None else _scaler(privileged, settings),
     )
 
 

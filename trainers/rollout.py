@@ -24,7 +24,7 @@ class Rollout:
     """
 
     observation: Tensor  # (slots, envs, auvs, entries) float32, as the world gives it
-    state: Tensor | None  # (slots, envs, entries) float32, where the critic is central
+    privileged: Tensor | None  # (slots, envs, auvs, entries) float32, for the critic alone
     inputs: Tensor  # (slots, envs, auvs, entries) float32, scaled as the policy saw it
     critic_inputs: Tensor  # (slots, envs, auvs, entries) float32, scaled as the critic saw it
     mask: Tensor | None  # (slots, envs, auvs, choices) bool, where masks are in use
@@ -64,6 +64,7 @@ class Simulation:
         self.layout_rng = np.random.default_rng(seed)
         self.generator = torch.Generator(device)
         self.generator.manual_seed(seed)
+        self._is_central = scenario.training.critic == "central"
         self._redraws = redraws_every_episode(scenario)
         self.state = self._first_state()
 
@@ -80,14 +81,15 @@ class Simulation:
         """(envs, auvs, entries) float32."""
         return self._tensor(self.world.observe(self.state), torch.float32)
 
-    def observe_globally(self) -> Tensor:
-        """(envs, entries) float32."""
-        return self._tensor(self.world.observer.observe_globally(self.state), torch.float32)
+    def observe_for_critic(self) -> Tensor | None:
+        """(envs, auvs, entries) float32 that the critic alone sees."""
+        seen = self.world.observer.observe_for_critic(self.state, central=self._is_central)
+        return None if seen is None else self._tensor(seen, torch.float32)
 
     def value(self, network: ActorCritic) -> Tensor:
         """Value of the present state to every AUV, (envs, auvs)."""
-        state = None if network.state_scaler is None else self.observe_globally()
-        return network.value(network.critic_inputs(network.scaler(self.observe()), state))
+        inputs = network.scaler(self.observe())
+        return network.value(network.critic_inputs(inputs, self.observe_for_critic()))
 
     @torch.no_grad()
     def collect(self, network: ActorCritic, slots: int, *, use_mask: bool) -> Rollout:
@@ -101,13 +103,10 @@ class Simulation:
         choices, entries = sum(world.action_sizes), len(world.action_sizes)
         observed = self.observe().shape[-1]
         inputs = empty(observed)
-        global_state = None
-        if network.state_scaler is not None:
-            entries_of_state = self.observe_globally().shape[-1]
-            global_state = torch.empty(*shape[:2], entries_of_state, device=self.device)
+        seen = self.observe_for_critic()
         rollout = Rollout(
             observation=empty(observed),
-            state=global_state,
+            privileged=None if seen is None else empty(seen.shape[-1]),
             inputs=inputs,
             critic_inputs=inputs,
             mask=empty(choices, dtype=torch.bool) if use_mask else None,
@@ -129,8 +128,9 @@ class Simulation:
             scores[t] = network.scores(inputs[t], mask)
             action = network.choose(scores[t], noise[t])
             rollout.observation[t] = observation
-            if rollout.state is not None:
-                rollout.state[t] = self.observe_globally()
+            seen = self.observe_for_critic()
+            if rollout.privileged is not None and seen is not None:
+                rollout.privileged[t] = seen
             if rollout.mask is not None and mask is not None:
                 rollout.mask[t] = mask
             rollout.action[t] = action
@@ -153,7 +153,7 @@ class Simulation:
         rollout.log_probability = network.log_probability(
             network.normalised(scores), rollout.action
         )
-        rollout.critic_inputs = network.critic_inputs(inputs, rollout.state)
+        rollout.critic_inputs = network.critic_inputs(inputs, rollout.privileged)
         rollout.value = network.value(rollout.critic_inputs)
         for t, ended in enumerate(rollout.truncated[:-1]):
             if not ended:

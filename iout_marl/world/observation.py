@@ -30,6 +30,10 @@ class Ranges:
     scale: npt.NDArray[np.float64]
     limit: float = 4.0
 
+    def of(self, entries: slice) -> Ranges:
+        """Those of some of the entries."""
+        return Ranges(self.low[entries], self.high[entries], self.scale[entries], self.limit)
+
 
 class Observer:
     """Builds observations: an AUV's position, the ages and the stored energies of the nodes.
@@ -56,6 +60,8 @@ class Observer:
         self._nearness = backend.integers(_nearness(grid))
         self._origin = grid.offset_origin
         self._identity = backend.floats(np.eye(scenario.num_auvs))
+        self._is_credited_apart = scenario.reward.credit == "difference"
+        self._num_nodes = scenario.num_nodes
         self._num_slots = scenario.num_slots
         self._coordinates = backend.floats(grid.coordinate_table() + 1)
         self._dtype = backend.dtype
@@ -109,6 +115,31 @@ class Observer:
         ]
         parts = [flat[0], state.age, state.energy_j, state.deliveries, flat[1], self._time(state)]
         return self._xp.concat(parts, axis=-1)
+
+    def observe_for_critic(self, state: State, *, central: bool) -> Array | None:
+        """What an AUV's critic sees beside its observation, unscaled: (envs, auvs, entries).
+
+        The state of the network, where it is central; with difference rewards also the ages
+        and deliveries by packets to others alone, of which the reward is made. None for nothing.
+        """
+        parts = []
+        if central:
+            parts.append(self._for_every_auv(self.observe_globally(state)))
+        if self._is_credited_apart:
+            parts += [state.others_age, state.others_deliveries]
+        return self._xp.concat(parts, axis=-1) if parts else None
+
+    def critic_ranges(self, *, central: bool) -> Ranges | None:
+        """Ranges of `observe_for_critic`."""
+        parts = [self.state_ranges] if central else []
+        if self._is_credited_apart:
+            k = self._num_nodes
+            first, end = 3 * self._num_auvs, 3 * self._num_auvs + k
+            ages, counts = slice(first, end), slice(end + k, end + 2 * k)
+            parts += [self.state_ranges.of(ages), self.state_ranges.of(counts)]
+        if not parts:
+            return None
+        return _joined([(part.low, part.high, part.scale) for part in parts])
 
     def _positions(self, cell: Array, *, scaled: bool) -> Array:
         xyz = self._xp.take(self._coordinates, self._xp.reshape(cell, (-1,)), axis=0)

@@ -56,8 +56,13 @@ def replay(scenario, rollouts, network, seed=4):
         return world.reset(node_codes(scenario, world.grid, [rng] * ENVS))
 
     def seen(state):
-        central = torch.from_numpy(world.observer.observe_globally(state))
-        return torch.from_numpy(world.observe(state)), central
+        everything = world.observer.observe_globally(state)[:, None, :].repeat(world.num_auvs, 1)
+        for_critic = [everything, state.others_age, state.others_deliveries]
+        if scenario.reward.credit == "team":
+            for_critic = for_critic[:1]
+        return torch.from_numpy(world.observe(state)), torch.from_numpy(
+            np.concatenate(for_critic, axis=-1)
+        )
 
     state = start()
     for rollout in rollouts:
@@ -76,12 +81,11 @@ def replay(scenario, rollouts, network, seed=4):
         yield rollout, before, torch.stack(reward), after, ended
 
 
-def value(network, observation, state):
+def value(network, observation, for_critic):
     inputs = network.scaler(observation)
-    if network.state_scaler is None:
+    if network.privileged is None:
         return network.value(inputs)
-    states = [network.state_scaler(state)] * observation.shape[-2]
-    return network.value(torch.cat([inputs, torch.stack(states, dim=-2)], dim=-1))
+    return network.value(torch.cat([inputs, network.privileged(for_critic)], dim=-1))
 
 
 @pytest.mark.parametrize("slots", [[20, 20], [7, 7, 7, 7], [50], [1] * 25])
