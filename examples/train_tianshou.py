@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 import gymnasium
+import numpy as np
 import torch
 from gymnasium.wrappers import TransformReward
 from tianshou.algorithm import PPO
@@ -55,6 +56,7 @@ def make_env(scenario: Scenario) -> gymnasium.Env[Any, Any]:
 
 def make_algorithm(scenario: Scenario, seed: int = 0) -> PPO:
     """PPO with an actor and a critic that see what all AUVs see."""
+    np.random.seed(seed)  # noqa: NPY002 (Tianshou shuffles by the global generator)
     torch.manual_seed(seed)
     env = make_env(scenario)
     shape, sizes = env.observation_space.shape, env.action_space.nvec.tolist()
@@ -85,7 +87,7 @@ def learn(algorithm: PPO, scenario: Scenario, steps: int, seed: int = 0) -> None
             epoch_num_steps=steps // scenario.num_auvs,
             collection_step_num_env_steps=slots,
             batch_size=slots // 4,
-            update_step_num_repetitions=4,
+            update_step_num_repetitions=8,
             verbose=False,
         )
     )

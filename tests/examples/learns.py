@@ -8,7 +8,7 @@ import math
 import sys
 from pathlib import Path
 
-#: Slots of mean AoI; without learning, two evaluations differ by less.
+#: Slots of mean AoI. Half the 95 % interval of 100 episodes of random actions is 0.15.
 MARGIN = 0.2
 
 
