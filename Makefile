@@ -2,13 +2,15 @@
 # make test       lint, types and the whole test suite
 # make reproduce  the paper's figures, tables and claims: a quarter of an hour on two cores
 # make bench      speed of environment and trainer, side by side with others
+# make integrations        other people's trainers, each in a virtual environment of its own
+# make integrations-rllib  one of them: agilerl, benchmarl, rllib or tianshou
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := runs/demo
 
-.PHONY: demo reproduce docs test lint types pytest format bench clean
+.PHONY: demo reproduce docs test lint types pytest format bench integrations clean
 
 # Each stamp stands for an installation that need not be repeated.
 RUNTIME := $(VENV)/.runtime-installed
@@ -66,5 +68,22 @@ bench: $(TEST)
 	$(BIN)/python benchmarks/environment.py
 	$(BIN)/python benchmarks/training.py --threads 2
 
+# Libraries whose pins exclude one another; networks as small as these lose by a second thread.
+INTEGRATIONS := agilerl benchmarl rllib tianshou
+
+integrations: $(INTEGRATIONS:%=integrations-%)
+
+.PHONY: $(INTEGRATIONS:%=integrations-%)
+$(INTEGRATIONS:%=integrations-%): integrations-%: $(VENV)-integrations/%/.installed
+	OMP_NUM_THREADS=1 $(VENV)-integrations/$*/bin/python tests/examples/learns.py $*
+
+$(VENV)-integrations/%/.installed: examples/requirements/%.txt pyproject.toml
+	$(PYTHON) -m venv $(@D)
+	# torch first, as above; hatchling and setuptools for what is built without isolation.
+	$(@D)/bin/pip install --quiet --disable-pip-version-check torch==2.13.0 hatchling setuptools
+	$(@D)/bin/pip install --quiet --disable-pip-version-check --no-build-isolation \
+	  --requirement $< --editable .
+	touch $@
+
 clean:
-	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(VENV)-integrations build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis

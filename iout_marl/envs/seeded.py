@@ -12,11 +12,12 @@ from supersuit.vector.sb3_vector_wrapper import SB3VecEnvWrapper
 
 
 class SeededVecEnv(SB3VecEnvWrapper):  # type: ignore[misc] # SuperSuit ships no types
-    """Mends three things of SuperSuit's adapter.
+    """Mends four things of SuperSuit's adapter.
 
     Its `reset(seed=…)` fails for want of a `seed` underneath; copies in different worker
-    processes would get the same seeds; and it does not tell a time limit from an end, so
-    that PPO would learn that nothing follows the last slot.
+    processes would get the same seeds; it does not tell a time limit from an end, so that
+    PPO would learn that nothing follows the last slot; and wrappers around it, such as
+    Stable-Baselines3's `VecNormalize`, do not learn its render mode.
 
     Args:
         venv: what `supersuit.concat_vec_envs_v1` returns.
@@ -53,6 +54,13 @@ class SeededVecEnv(SB3VecEnvWrapper):  # type: ignore[misc] # SuperSuit ships no
             pipe.send(("reset", (first_seed, None)))
         infos = decompress_info(venv.num_envs, venv.idx_starts, venv._receive_info())  # noqa: SLF001
         return copy.deepcopy(venv.observations_buffers), infos
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute of every slot; that of SuperSuit fails on its own environments."""
+        if attr_name == "render_mode":
+            return [self.render_mode] * self.num_envs
+        attributes: list[Any] = super().get_attr(attr_name, indices)
+        return attributes
 
     def step_wait(self) -> Any:
         """What the slot brought, with `TimeLimit.truncated` in every info."""

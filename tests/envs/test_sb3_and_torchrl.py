@@ -6,6 +6,7 @@ import supersuit
 from env_cases import CASES, SLOTS, STARTS, case_scenario, scenario
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env
+from stable_baselines3.common.vec_env import VecNormalize
 from torchrl.envs import PettingZooWrapper
 from torchrl.envs.utils import check_env_specs
 
@@ -115,6 +116,13 @@ def test_last_slot_is_told_as_a_time_limit(make_vec_env, processes):
 def test_copies_without_a_seed_draw_layouts_of_their_own(make_vec_env):
     observations = make_vec_env(scenario(layout="episode"), 8).reset()
     assert len(np.unique(observations, axis=0)) > 1
+
+
+@pytest.mark.parametrize("processes", [0, 2])
+def test_sb3s_wrappers_take_the_environment_without_a_warning(make_vec_env, processes):
+    vec_env = VecNormalize(make_vec_env(scenario(), COPIES, processes))
+    assert vec_env.render_mode is None
+    assert np.isfinite(vec_env.reset()).all()
 
 
 @pytest.mark.parametrize("processes", [0, 1, 2])
