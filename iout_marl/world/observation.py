@@ -103,21 +103,27 @@ class Observer:
         return self._xp.concat(parts, axis=-1)
 
     def observe_globally(self, state: State) -> Array:
-        """What a central critic sees, unscaled: (envs, entries).
+        """What a central critic sees, scaled as observations are: (envs, entries).
 
         Positions of all AUVs, ages, energies and deliveries of all nodes, positions of
-        the nodes, share of the episode that is over.
+        the nodes, share of the episode that is over. Scaled deliveries are per slot.
         """
+        scaled = self._settings.kind == "scaled"
         num_envs = state.cell.shape[0]
         flat = [
-            self._xp.reshape(self._positions(cell, scaled=False), (num_envs, -1))
+            self._xp.reshape(self._positions(cell, scaled=scaled), (num_envs, -1))
             for cell in (state.cell, state.node_cell)
         ]
-        parts = [flat[0], state.age, state.energy_j, state.deliveries, flat[1], self._time(state)]
+        age, energy, deliveries = state.age, state.energy_j, state.deliveries
+        if scaled:
+            age = age / self._maximum_age
+            energy = energy / (energy + self.price_j)
+            deliveries = deliveries / self._num_slots
+        parts = [flat[0], age, energy, deliveries, flat[1], self._time(state)]
         return self._xp.concat(parts, axis=-1)
 
     def observe_for_critic(self, state: State, *, central: bool) -> Array | None:
-        """What an AUV's critic sees beside its observation, unscaled: (envs, auvs, entries).
+        """What an AUV's critic sees beside its observation: (envs, auvs, entries).
 
         The state of the network, where it is central; with difference rewards also the ages
         and deliveries by packets to others alone, of which the reward is made. None for nothing.
@@ -126,7 +132,10 @@ class Observer:
         if central:
             parts.append(self._for_every_auv(self.observe_globally(state)))
         if self._is_credited_apart:
-            parts += [state.others_age, state.others_deliveries]
+            age, deliveries = state.others_age, state.others_deliveries
+            if self._settings.kind == "scaled":
+                age, deliveries = age / self._maximum_age, deliveries / self._num_slots
+            parts += [age, deliveries]
         return self._xp.concat(parts, axis=-1) if parts else None
 
     def critic_ranges(self, *, central: bool) -> Ranges | None:
@@ -205,6 +214,9 @@ class Observer:
         ones = np.ones(k)
         size = np.array(grid.shape, dtype=np.float64)
         cell = (np.ones(3), size, size)
+        if scenario.observation.kind == "scaled":
+            entries = 3 * m + 6 * k + 1
+            return Ranges(np.zeros(entries), np.ones(entries), np.ones(entries))
         return _joined(
             [
                 *[cell] * m,

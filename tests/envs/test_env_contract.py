@@ -42,7 +42,7 @@ def test_bundled_scenario_plays_an_episode(name):
     nodes = [k] * (2 if name.endswith("fdd") else 1)
     assert env.action_space("auv_0") == spaces.MultiDiscrete([6, *nodes])
     *_, (_, _, _, truncations, _) = play(env)
-    assert truncations == {"auv_0": True}
+    assert truncations == dict.fromkeys(env.possible_agents, True)
 
 
 def test_default_scenario_is_the_papers_with_ten_nodes():
@@ -160,10 +160,14 @@ def test_scaled_observation_is_position_ages_energies_nodes_time_and_team():
         for auv, observation in enumerate(observations.values()):
             assert observation[18] == np.float32(slot / SLOTS)
             assert observation[28:].tolist() == [auv == 0, auv == 1, auv == 2]
-    # The state tells the same nodes, in cells from 1.
-    cells = env.state()[-10:-1].reshape(3, 3)
-    scaled = observations["auv_0"][9:18].reshape(3, 3)
-    np.testing.assert_allclose(scaled, (cells - 1) / [9, 9, 3], rtol=1e-6)
+    # The state is scaled alike, and tells the same nodes.
+    state = env.state()
+    np.testing.assert_array_equal(env.state_space.high, 1)
+    np.testing.assert_array_equal(state[-10:-1], observations["auv_0"][9:18])
+    places = env.scenario.num_slots, env.scenario.age.maximum
+    ages, deliveries = state[9:12] * places[1], state[15:18] * places[0]
+    np.testing.assert_allclose(ages, np.rint(ages), atol=1e-4)
+    np.testing.assert_allclose(deliveries, np.rint(deliveries), atol=1e-4)
 
 
 @pytest.mark.parametrize("auvs", STARTS)
