@@ -43,10 +43,13 @@ demo: $(RUNTIME)
 reproduce: $(EMISSIONS)
 	$(BIN)/iout reproduce
 
-# The page of the committed results; RESULTS=runs/paper takes over those of a new run.
+# The pages of the committed results; RESULTS=runs/paper and MULTI=runs/multi take over those
+# of new runs.
 docs: $(RUNTIME)
 	$(if $(RESULTS),cp $(RESULTS)/results.json $(RESULTS)/results.csv docs/results/)
 	$(BIN)/iout report docs/results --markdown docs/reproduction.md
+	$(if $(MULTI),cp $(MULTI)/results.json $(MULTI)/results.csv docs/multi/)
+	$(BIN)/iout report docs/multi --markdown docs/multi-auv-results.md
 
 test: lint types pytest
 

@@ -16,7 +16,6 @@ from iout_marl.report.names import BEST
 from iout_marl.report.page import render_page
 from iout_marl.report.paper import COMPARED
 from iout_marl.report.rewards import advice, judgements
-from iout_marl.study import expand, load_study
 from iout_marl.study.results import read_results
 
 ROOT = Path(__file__).parents[2]
@@ -177,25 +176,6 @@ def test_markdown_keeps_its_tables_whatever_stands_in_a_cell():
     rows = [line for line in text.splitlines() if line.startswith("|")][2:]
     assert all(len(re.findall(r"(?<!\\)\|", row)) == 3 for row in rows)
     assert "**2\\*" in rows[-1]
-
-
-def test_the_committed_results_are_of_the_study_as_it_stands():
-    made = read_results(ROOT / "docs" / "results" / "results.json")
-    cells = expand(*load_study("paper"))
-    assert [cell.record.key for cell in made.cells] == [cell.key for cell in cells]
-
-
-def test_the_reproduction_page_is_that_of_the_committed_results():
-    folder = ROOT / "docs" / "results"
-    made = read_results(folder / "results.json")
-    assert made.failures == ()
-    assert not made.quick
-    text = render_markdown(build_report(made), "results/figures")
-    assert text == (ROOT / "docs" / "reproduction.md").read_text(encoding="utf-8")
-    pictures = re.findall(r"\]\((results/figures/[^)]+)\)", text)
-    assert pictures
-    assert all((ROOT / "docs" / picture).is_file() for picture in pictures)
-    assert (folder / "results.csv").read_text(encoding="utf-8") == made.to_csv()
 
 
 def test_the_readmes_table_is_of_the_committed_results():

@@ -1,0 +1,71 @@
+"""The committed results, and the pages that are made of them."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from iout_marl import load_scenario
+from iout_marl.bounds import delivery_bound
+from iout_marl.report.build import build_report
+from iout_marl.report.markdown import render_markdown
+from iout_marl.report.measures import number
+from iout_marl.study import expand, load_study
+from iout_marl.study.results import read_results
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+#: By name of the study: the folder of its results, and its page.
+COMMITTED = {"paper": ("results", "reproduction.md"), "multi": ("multi", "multi-auv-results.md")}
+
+
+@pytest.mark.parametrize("study", COMMITTED)
+def test_results_are_of_the_study_as_it_stands(study):
+    made = read_results(DOCS / COMMITTED[study][0] / "results.json")
+    cells = expand(*load_study(study))
+    assert [cell.record.key for cell in made.cells] == [cell.key for cell in cells]
+
+
+@pytest.mark.parametrize("study", COMMITTED)
+def test_page_is_that_of_the_results(study):
+    name, page = COMMITTED[study]
+    made = read_results(DOCS / name / "results.json")
+    assert made.failures == ()
+    assert not made.quick
+    text = render_markdown(build_report(made), f"{name}/figures")
+    assert text == (DOCS / page).read_text(encoding="utf-8")
+    pictures = re.findall(rf"\]\(({name}/figures/[^)]+)\)", text)
+    assert pictures
+    assert all((DOCS / picture).is_file() for picture in pictures)
+    assert (DOCS / name / "results.csv").read_text(encoding="utf-8") == made.to_csv()
+
+
+def team_row(made, auvs, nodes):
+    """A row of the page's table: bound, planner, tour, greedy and PPO of a team."""
+    bound = delivery_bound(load_scenario(f"multi/m{auvs}-k{nodes}-fdd"))
+    played = [
+        made.measured(f"{name}, K = {nodes}", auvs, "mean_aoi")
+        for name in ("PPO", "tour", "planner", "greedy")
+    ]
+    cells = [number(m.estimate, 2) if m is not None else "–" for m in played]
+    return f"| {nodes} | {auvs} | {bound:.2f} | {' | '.join(cells)} |"
+
+
+def test_the_table_of_teams_is_of_the_results():
+    made = read_results(DOCS / "multi" / "results.json")
+    text = (DOCS / "multi-auv.md").read_text(encoding="utf-8")
+    for nodes in (10, 20, 50):
+        for auvs in (1, 2, 3, 4):
+            assert team_row(made, auvs, nodes) in text
+
+
+@pytest.mark.parametrize("access", ["orthogonal", "exclusive"])
+def test_the_table_of_access_rules_is_of_the_results(access):
+    made = read_results(DOCS / "multi" / "results.json")
+    text = (DOCS / "multi-auv.md").read_text(encoding="utf-8")
+    for auvs in (2, 3):
+        cells = [
+            number(made.measured(f"{name}, K = 10, {access}", auvs, "mean_aoi").estimate, 2)
+            for name in ("ppo", "tour", "planner")
+        ]
+        assert f"| `{access}` | {auvs} | {' | '.join(cells)} |" in text
