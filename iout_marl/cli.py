@@ -162,8 +162,9 @@ def evaluate_command(
         list[str] | None,
         typer.Option(
             metavar="NAME|RUN",
-            help=f"{', '.join(UNTRAINED)}, or the folder of a run; may be repeated "
-            "[all baselines].",
+            help=f"{', '.join(UNTRAINED)}, or the folder of a run; may be repeated. The last "
+            "two plan every layout anew, which takes a moment for each "
+            f"[default: {', '.join(BASELINES)}].",
         ),
     ] = None,
     episodes: Annotated[int, typer.Option(min=1, help="Episodes of each policy.")] = 100,

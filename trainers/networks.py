@@ -92,7 +92,7 @@ class ActorCritic(nn.Module):
     The critic works on normalised returns, so that neither their mean nor their scale
     drowns the gradient of the actor. It sees an AUV's observation (IPPO: de Witt et al.,
     2020), or the state of the whole network beside it (MAPPO: Yu et al., 2022), which the
-    actor never sees.
+    actor never sees; with difference rewards also what these are made of.
 
     Args:
         scaler: what prepares the observations.

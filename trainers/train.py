@@ -204,12 +204,19 @@ def _stop_signals(*, catch: bool) -> Iterator[list[int]]:
 
 
 def _traits(scenario: Scenario) -> dict[str, str | int]:
-    """What, beside the `observation` section, shapes observations and actions."""
+    """What says how many entries observations and actions have, and what they mean."""
+    seen, several = scenario.observation, scenario.num_auvs > 1
     return {
         "auvs.count": scenario.num_auvs,
         "nodes.count": scenario.num_nodes,
         "duplex.kind": scenario.duplex.kind,
         "auvs.motion": scenario.auvs.motion,
+        "observation.kind": seen.kind,
+        "observation.node_positions": seen.node_positions,
+        "observation.time": seen.time,
+        "observation.other_auvs": seen.other_auvs and several,
+        "observation.agent_index": seen.agent_index,
+        "observation.view_range_m": "null" if seen.view_range_m is None else "a range",
     }
 
 
@@ -233,21 +240,20 @@ def load_run(run: Path, scenario: Scenario, *, transfer: bool) -> tuple[RunFolde
         raise InputError(f"{run}: its policy is of another scenario than scenario.yaml beside it")
     if scenario.world_hash in (shape["world_hash"], shape["source_world_hash"]):
         return folder, scenario.model_copy(update={"nodes": own.nodes})
-    different = differences(own, scenario)
-    where = next(k for k in different if not k.startswith(("reward.", "training.")))
     given = _traits(scenario)
     misfits = [
         f"{key} {needed}, not {given[key]}"
         for key, needed in _traits(own).items()
         if needed != given[key]
     ]
-    if misfits or own.observation != scenario.observation:
-        needs = "; ".join(misfits) or f"the {where} of its training"
+    if misfits:
         raise InputError(
             f"{run}: was trained on another scenario, {own.name}: its observations and actions "
-            f"do not fit; it needs {needs}"
+            f"do not fit; it needs {'; '.join(misfits)}"
         )
     if not transfer:
+        different = differences(own, scenario)
+        where = next(k for k in different if not k.startswith(("reward.", "training.")))
         raise InputError(
             f"{run}: was trained on another scenario, {own.name}, whose {where} differs; "
             "--transfer evaluates it all the same"

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.policies.baselines import Greedy, RandomWalk, RoundRobin
+from iout_marl.policies.planned import PlannerPolicy, Tour
 from iout_marl.policies.policy import Actions, ObservationPolicy, Policy
-from iout_marl.policies.tour import Search, Tour
 
 #: The baselines by name, in the order in which tables list them.
 BASELINES: dict[str, Callable[[], Policy]] = {
@@ -15,7 +15,7 @@ BASELINES: dict[str, Callable[[], Policy]] = {
     "tour": Tour,
 }
 #: All that need no training: those, and one that takes its time for every layout.
-UNTRAINED: dict[str, Callable[[], Policy]] = {**BASELINES, "planner": Search}
+UNTRAINED: dict[str, Callable[[], Policy]] = {**BASELINES, "planner": PlannerPolicy}
 
 
 def make_baseline(name: str) -> Policy:
@@ -35,10 +35,10 @@ __all__ = [
     "Actions",
     "Greedy",
     "ObservationPolicy",
+    "PlannerPolicy",
     "Policy",
     "RandomWalk",
     "RoundRobin",
-    "Search",
     "Tour",
     "make_baseline",
 ]

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from iout_marl.policies.choice import choose, links, near_uplink_j
 from iout_marl.policies.routes import tours
-from iout_marl.scenario import Scenario, Tdd
+from iout_marl.scenario import Scenario, Tdd, load_scenario
 from iout_marl.world import State, World
 
 Integers = npt.NDArray[np.int64]
@@ -20,11 +20,12 @@ EPISODES = 384
 MOVES = 12
 #: How TDD chooses between nodes after each move, see `choose`: all are tried.
 HASTES = (1.0, 4.0)
-#: Where an episode leads, beside the ages it has had: its ages now last this many slots,
+#: An episode is judged by the ages it has had, and by what is to come: each age that it ends
+#: with counts for this many slots more,
 LASTING_SLOTS = 3.0
-#: longer by the slots of charging that the node lacks, up to
+#: and for each slot of charging that its node lacks, up to this many, one more.
 LACKING_SLOTS = 2.0
-#: and in FDD a store that is e times larger is worth as many slots of age.
+#: In FDD, a store e times as large makes up for so many slots of age.
 STORE_SLOTS = 3.0
 
 
@@ -52,7 +53,9 @@ class Planner:
     def __init__(self, scenario: Scenario, *, searches: bool) -> None:
         self._searches = searches
         self._hastes = HASTES if isinstance(scenario.duplex, Tdd) else HASTES[:1]
-        self._world = world = World(scenario)
+        # What is of no matter to a plan costs time in every step.
+        self._scenario = load_scenario(scenario, {"observation.view_range_m": None})
+        self._world = world = World(self._scenario)
         self._directions = world.motion.num_directions
         self._moves = self._directions if world.num_auvs == 1 else MOVES
         self._width = EPISODES // (self._moves * len(self._hastes))
@@ -158,7 +161,7 @@ class Planner:
     def _step(self, state: State, action: Integers) -> State:
         count = len(action)
         if count not in self._worlds:
-            self._worlds[count] = World(self._world.scenario, count)
+            self._worlds[count] = World(self._scenario, count)
         return self._worlds[count].step(state, action)[0]
 
     def _prospect(self, state: State) -> Floats:

@@ -247,18 +247,13 @@ class Fairness(Section):
     minimum_jain: Fraction = 0.85
 
 
-class Credited(Section):
-    """What the network as a whole has gained, and whom it is credited to.
-
-    `team`: every AUV gets the network's term. `difference`: every AUV gets what it has added
-    to it (Wolpert and Tumer, 2001): the term less what it would be had no packet ever reached
-    this AUV, all else alike.
-    """
-
-    credit: Literal["team", "difference"] = "team"
+#: Whom the network's age term is credited to. `team`: every AUV gets it. `difference`: every AUV
+#: gets what it has added (Wolpert and Tumer, 2001): the term less what it would be had no packet
+#: ever reached this AUV, all else alike.
+Credit: TypeAlias = Literal["team", "difference"]
 
 
-class PaperReward(Credited):
+class PaperReward(Section):
     """r = −(w 𝒟/K Σ δ_k A_k + penalties), eq. `reward function`.
 
     Penalties are subtracted: a negative one is a bonus.
@@ -283,12 +278,14 @@ class PaperReward(Credited):
     occurrence_penalty: float = 10.0
     #: Each node not served so far in the episode, in every slot.
     unserved_penalty: float = 0.0
+    credit: Credit = "team"
 
 
-class MeanAgeReward(Credited):
+class MeanAgeReward(Section):
     """r = −(1/K) Σ δ_k A_k."""
 
     kind: Literal["mean_age"] = "mean_age"
+    credit: Credit = "team"
 
 
 class Observation(Section):
@@ -346,7 +343,8 @@ class Training(Section):
     hidden_units: Annotated[tuple[Count, ...], Field(min_length=1, strict=False)]
     activation: Literal["tanh", "relu"]
     #: What the critic sees: `own`, the AUV's observation (IPPO), or `central`, the state of the
-    #: whole network beside it (MAPPO). AUVs share one actor and one critic in either.
+    #: whole network beside it (MAPPO). With difference rewards it also sees what they are made
+    #: of. AUVs share one actor and one critic in either.
     critic: Literal["own", "central"] = "own"
     #: Inputs of the networks: `none`, `fixed` (by the observation's ranges) or
     #: `running` (by mean and spread of what was seen).

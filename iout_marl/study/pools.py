@@ -84,6 +84,7 @@ class LocalProcesses:
         waiting = list(cells)
         running: dict[Future[Output], Cell] = {}
         suspects: list[Cell] = []
+        others = set(multiprocessing.active_children())
         executor = ProcessPoolExecutor(
             min(jobs, len(waiting)),
             # A forked copy of torch's thread pools would hang.
@@ -112,8 +113,9 @@ class LocalProcesses:
             return [*suspects, *running.values()], waiting
         finally:
             if running:
-                for process in multiprocessing.active_children():
-                    process.terminate()
+                # Cells have nothing to save.
+                for process in set(multiprocessing.active_children()) - others:
+                    process.kill()
             executor.shutdown(cancel_futures=True)
 
 
@@ -125,6 +127,7 @@ def _start_worker(folder: str) -> None:
             killed clears nothing away; one that outlives the main process does it in its stead.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # which the main process may ignore
     tempfile.tempdir = folder
     parent = multiprocessing.parent_process()
     assert parent is not None

@@ -19,7 +19,8 @@ class ActionMask:
     A node is masked out in FDD only where it could not pay from any cell within one
     move, even if all AUVs charged it in the same slot, each from where it is best done. In
     TDD every node may be chosen: what can not send is charged. Nor is a node masked out that
-    the AUV does not see: the mask tells no more than the observation.
+    the AUV does not see, and AUVs that it does not see may be anywhere: of energies and of
+    other AUVs the mask tells no more than the observation. Positions of nodes count as known.
     """
 
     def __init__(
@@ -33,6 +34,9 @@ class ActionMask:
         self._is_fdd = scenario.duplex.kind == "fdd"
         #: (auvs, auvs): 1 for each other AUV.
         self._others = backend.floats(1 - np.eye(scenario.num_auvs))
+        self._sees_others = scenario.observation.other_auvs
+        best_j = float(np.max(np.asarray(link.channel.harvested_power_w(0.0)))) * link.slot_s
+        self._others_at_best_j = backend.floats((scenario.num_auvs - 1) * best_j)
 
     def __call__(self, state: State) -> Array:
         """(envs, auvs, choices) bool: directions, nodes to charge, in FDD nodes to hear."""
@@ -55,6 +59,9 @@ class ActionMask:
         reachable = self._motion.neighbours(state.cell)
         offset = link.offset(reachable[..., None], state.node_cell[:, None, None, :])
         charged_j = link.at(link.harvested_w, offset) * link.slot_s
-        others_j = self._others @ self._xp.max(charged_j, axis=2)
+        if self._sees_others:
+            others_j = self._others @ self._xp.max(charged_j, axis=2)
+        else:
+            others_j = self._others_at_best_j
         best_j = (state.energy_j[:, None, :] + others_j)[:, :, None, :] + charged_j
         return self._xp.any(best_j > link.at(link.slot_uplink_j, offset), axis=2)

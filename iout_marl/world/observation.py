@@ -215,8 +215,9 @@ class Observer:
         size = np.array(grid.shape, dtype=np.float64)
         cell = (np.ones(3), size, size)
         if scenario.observation.kind == "scaled":
-            entries = 3 * m + 6 * k + 1
-            return Ranges(np.zeros(entries), np.ones(entries), np.ones(entries))
+            scale = np.ones(3 * m + 6 * k + 1)
+            scale[3 * m + 2 * k : 3 * m + 3 * k] = 1 / k  # deliveries, of which K nodes share
+            return Ranges(np.zeros(len(scale)), np.ones(len(scale)), scale)
         return _joined(
             [
                 *[cell] * m,

@@ -256,3 +256,33 @@ def test_spaces_sample_by_the_mask_that_is_handed_out(make, duplex):
     assert space.contains(space.sample(parts))
     with pytest.raises(ValueError, match="expected one value for each of"):
         space.sample(mask[1:])
+
+
+class TestTellNoMoreThanTheObservation:
+    """Worlds that an AUV can not tell apart have one mask."""
+
+    def test_of_nodes_out_of_sight_nothing(self):
+        near = {"observation.view_range_m": 150, "auvs.start_cells": [[2, 2, 1]]}
+        world = World(load_scenario("paper/k5-fdd", near))
+        *_, heard = masks_of(world, start(world))
+        everything = World(
+            load_scenario("paper/k5-fdd", {**near, "observation.view_range_m": None})
+        )
+        *_, known = masks_of(everything, start(everything))
+        in_sight = world.view.sees(start(world).cell, start(world).node_cell)[0]
+        assert in_sight.tolist() == [[True, False, False, False, False]]
+        assert heard[~in_sight].all()
+        assert (heard[in_sight] == known[in_sight]).all()
+        assert not known.all()
+
+    @pytest.mark.parametrize("sees_others", [True, False])
+    def test_of_auvs_unseen_nothing(self, sees_others):
+        masks = []
+        for other in ([10, 10, 4], [8, 6, 2]):
+            changes = {
+                "auvs.start_cells": [[1, 2, 1], other],
+                "observation.other_auvs": sees_others,
+            }
+            world = World(load_scenario("paper/k5-fdd", changes))
+            masks.append(masks_of(world, start(world))[-1][0])
+        assert (masks[0] == masks[1]).all() == (not sees_others)

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from iout_marl import World, evaluate, load_scenario
 from iout_marl.bounds import delivery_bound
 from iout_marl.evaluation import play
-from iout_marl.policies import Search, Tour, make_baseline
+from iout_marl.policies import PlannerPolicy, Tour, make_baseline
 from iout_marl.policies.routes import (
     moves_between,
     nearest_neighbour_order,
@@ -126,7 +126,7 @@ def test_are_ahead_whatever_the_access(name, access):
     assert mean_age(scenario, "tour") < 0.9 * min(mean_age(scenario, other, 20) for other in OTHERS)
 
 
-@pytest.mark.parametrize("policy", [Tour, Search])
+@pytest.mark.parametrize("policy", [Tour, PlannerPolicy])
 @pytest.mark.parametrize("name", ["paper/k5-fdd", "best/k5-tdd"])
 def test_several_take_turns_where_one_may_send(name, policy):
     changes = {"auvs.count": 3, "channel.access": "exclusive"}
@@ -137,7 +137,7 @@ def test_several_take_turns_where_one_may_send(name, policy):
     assert max(delivered) == 1
 
 
-@pytest.mark.parametrize("policy", [Tour, Search])
+@pytest.mark.parametrize("policy", [Tour, PlannerPolicy])
 @pytest.mark.parametrize("name", ["paper/k3-fdd", "paper/k3-tdd", "best/k3-tdd"])
 @pytest.mark.parametrize("motion", ["six", "hover"])
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ class TestLayouts:
         world = World(self.scenario(name, auvs=1), 2)
         codes = node_codes(world.scenario, world.grid, [np.random.default_rng(3)])[0]
         order = np.random.default_rng(4).permutation(len(codes))
-        policy, rng = Search(), np.random.default_rng(0)
+        policy, rng = PlannerPolicy(), np.random.default_rng(0)
         state = world.reset(np.stack([codes, codes[order]]))
         for _ in range(world.num_slots):
             action = policy.act(world, state, rng)
@@ -203,7 +203,7 @@ class TestLayouts:
         expected = [
             evaluate(scenario, "planner", 1, seed).samples["mean_aoi"][0] for seed in (5, 6)
         ]
-        worlds, policy = [World(scenario), World(scenario)], Search()
+        worlds, policy = [World(scenario), World(scenario)], PlannerPolicy()
         episodes = [play(w, policy, seed) for w, seed in zip(worlds, (5, 6), strict=True)]
         *_, last = zip(*episodes, strict=True)
         found = [w.metrics(s)["mean_aoi"][0] for w, (s, _) in zip(worlds, last, strict=True)]
@@ -211,7 +211,7 @@ class TestLayouts:
 
     def test_goes_on_from_a_state_that_it_did_not_foresee(self, name):
         scenario = self.scenario(name)
-        world, policy, rng = World(scenario, 3), Search(), np.random.default_rng(0)
+        world, policy, rng = World(scenario, 3), PlannerPolicy(), np.random.default_rng(0)
         streams = [np.random.default_rng(i) for i in range(3)]
         state = world.reset(node_codes(scenario, world.grid, streams))
         for slot in range(world.num_slots):

@@ -41,7 +41,7 @@ def test_page_is_that_of_the_results(study):
 
 
 def team_row(made, auvs, nodes):
-    """A row of the page's table: bound, planner, tour, greedy and PPO of a team."""
+    """A row of the page's table: bound, PPO, tour, planner and greedy of a team."""
     bound = delivery_bound(load_scenario(f"multi/m{auvs}-k{nodes}-fdd"))
     played = [
         made.measured(f"{name}, K = {nodes}", auvs, "mean_aoi")
@@ -66,6 +66,6 @@ def test_the_table_of_access_rules_is_of_the_results(access):
     for auvs in (2, 3):
         cells = [
             number(made.measured(f"{name}, K = 10, {access}", auvs, "mean_aoi").estimate, 2)
-            for name in ("ppo", "tour", "planner")
+            for name in ("PPO", "tour", "planner")
         ]
         assert f"| `{access}` | {auvs} | {' | '.join(cells)} |" in text

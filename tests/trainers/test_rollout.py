@@ -24,6 +24,12 @@ SCENARIOS = {
         "reward.credit": "difference",
         "observation.view_range_m": 100,
     },
+    "scaled for a central critic": {
+        "auvs.start_cells": [[2, 1, 1], [1, 2, 1]],
+        "training.critic": "central",
+        "observation.kind": "scaled",
+        "reward.credit": "difference",
+    },
     "running scaler": {"training.observation_scaling": "running"},
 }
 
@@ -58,6 +64,9 @@ def replay(scenario, rollouts, network, seed=4):
     def seen(state):
         everything = world.observer.observe_globally(state)[:, None, :].repeat(world.num_auvs, 1)
         for_critic = [everything, state.others_age, state.others_deliveries]
+        if scenario.observation.kind == "scaled":
+            for_critic[1] = for_critic[1] / scenario.age.maximum
+            for_critic[2] = for_critic[2] / scenario.num_slots
         if scenario.reward.credit == "team":
             for_critic = for_critic[:1]
         return torch.from_numpy(world.observe(state)), torch.from_numpy(
@@ -105,6 +114,25 @@ def test_equals_a_replay(setup, slots):
             torch.testing.assert_close(rollout.value, value(network, observation, state))
             # Of the state that followed, be it the last of its episode.
             torch.testing.assert_close(rollout.next_value, value(network, *after))
+
+
+@pytest.mark.parametrize("kind", ["paper", "scaled"])
+@pytest.mark.parametrize("central", [True, False])
+def test_what_the_critic_sees_lies_within_its_ranges_and_uses_them(tiny, kind, central):
+    changes = {"auvs.count": 2, "observation.kind": kind, "reward.credit": "difference"}
+    simulation, network = simulation_of(tiny(changes))
+    observer = simulation.world.observer
+    ranges = observer.critic_ranges(central=central)
+    highest = np.zeros(len(ranges.low))
+    for _ in range(simulation.world.num_slots - 1):
+        simulation.collect(network, 1, use_mask=False)
+        seen = observer.observe_for_critic(simulation.state, central=central)
+        assert (seen >= ranges.low).all()
+        assert (seen <= ranges.high).all()
+        highest = np.maximum(highest, (seen / ranges.scale).max((0, 1)))
+    # Of ages and counts without this AUV, the last 2K entries, none is lost in the scale.
+    num_nodes = simulation.world.num_nodes
+    assert (highest[-2 * num_nodes :] > 0.2).all()
 
 
 @pytest.mark.parametrize(

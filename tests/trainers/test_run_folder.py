@@ -304,7 +304,13 @@ class TestEvaluatingARun:
 
     @pytest.mark.parametrize(
         ("changes", "key"),
-        [({"age.maximum": 14}, "age.maximum"), ({"channel.noise_level_db": 31}, "channel.noise")],
+        [
+            ({"age.maximum": 14}, "age.maximum"),
+            ({"channel.noise_level_db": 31}, "channel.noise"),
+            # Entries that one AUV does not have, and masks, which are no part of what it sees.
+            ({"observation.other_auvs": False}, "observation.other_auvs"),
+            ({"observation.action_mask": "info"}, "observation.action_mask"),
+        ],
     )
     def test_other_world_needs_transfer(self, folder, tiny, changes, key):
         message = refusal(lambda: load_run(folder, tiny(changes), transfer=False))
@@ -319,7 +325,11 @@ class TestEvaluatingARun:
         [
             ({"nodes": {"cells": [[1, 1, 1]], "count": 1}}, "nodes.count 2, not 1"),
             ({"duplex.kind": "tdd"}, "duplex.kind fdd, not tdd"),
-            ({"observation.time": True}, "the observation.time of its training"),
+            ({"observation.time": True}, "observation.time False, not True"),
+            (
+                {"channel.access": "exclusive", "observation.view_range_m": 100},
+                "observation.view_range_m null, not a range",
+            ),
             ({"auvs.start_cells": [[1, 1, 1], [2, 1, 1]]}, "auvs.count 1, not 2"),
             (
                 {"auvs": {"count": 2, "motion": "hover"}},

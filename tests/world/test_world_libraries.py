@@ -21,6 +21,15 @@ WORLDS = {
             "reward.no_able_node_penalty": 1.0,
         },
     ),
+    "limited-views-and-difference-rewards": (
+        "best/k5-fdd",
+        {
+            "auvs.count": 3,
+            "channel.access": "interference",
+            "observation": {"kind": "scaled", "view_range_m": 400, "agent_index": True},
+            "reward.credit": "difference",
+        },
+    ),
 }
 
 
@@ -43,8 +52,13 @@ def everything(world, state, events):
         "observation": world.observe(state),
         "reward": world.reward(state, events),
         "mask": world.action_mask(state),
+        "for the critic": _for_critic(world, state),
         **world.metrics(state),
     }
+
+
+def _for_critic(world, state):
+    return world.observer.observe_for_critic(state, central=True)
 
 
 def as_numpy(array):

@@ -56,7 +56,7 @@ class Tour(_Planned):
     searches = False
 
 
-class Search(_Planned):
+class PlannerPolicy(_Planned):
     """The best tour, improved on by a beam search in the world itself, see `Planner`."""
 
     name = "planner"
