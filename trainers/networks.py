@@ -100,6 +100,10 @@ class ActorCritic(nn.Module):
         hidden_units: width of each hidden layer, of actor and critic alike.
         activation: `tanh` or `relu`.
         privileged: what prepares all that the critic alone sees; None where there is nothing.
+        node_entries: entries of an observation that tell of each node: ages, energies. With
+            them the actor adds to the score of every node what a small network makes of that
+            node's entries: one network for all nodes, which need not learn alone what an old
+            node or a full store is worth. None for an actor without it.
     """
 
     padding: Tensor
@@ -114,6 +118,7 @@ class ActorCritic(nn.Module):
         hidden_units: Sequence[int],
         activation: str,
         privileged: Scaler | None = None,
+        node_entries: Sequence[slice] | None = None,
     ) -> None:
         super().__init__()
         self.action_sizes = tuple(action_sizes)
@@ -131,6 +136,10 @@ class ActorCritic(nn.Module):
         if privileged is not None:
             inputs += privileged.shift.shape[0]
         self.critic = perceptron(inputs, hidden_units, 1, activation, 1.0)
+        self.node_entries = node_entries
+        if node_entries is not None:
+            choices = len(self.action_sizes) - 1
+            self.node_actor = perceptron(len(node_entries), (16,), choices, activation, 0.01)
         self.register_buffer("return_mean", torch.tensor(0.0))
         self.register_buffer("return_spread", torch.tensor(1.0))
         self.register_buffer("return_count", torch.tensor(0.0))
@@ -148,6 +157,12 @@ class ActorCritic(nn.Module):
         """
         flat: Tensor = self.actor(inputs)
         scores = flat.view(*flat.shape[:-1], *self.padding.shape) + self.padding
+        if self.node_entries is not None:
+            told = torch.stack([inputs[..., entries] for entries in self.node_entries], dim=-1)
+            of_nodes = self.node_actor(told).movedim(-1, -2)
+            missing = self.width - of_nodes.shape[-1]
+            # Directions are no nodes: nothing is added to their scores.
+            scores = scores + nn.functional.pad(of_nodes, (0, missing, 1, 0))
         if mask is None:
             return scores
         allowed = torch.zeros_like(scores, dtype=torch.bool)

@@ -325,6 +325,7 @@ def make_network(
         settings.hidden_units,
         settings.activation,
         None if privileged is None else _scaler(privileged, settings),
+        observer.node_entries if settings.node_network else None,
     )
 
 

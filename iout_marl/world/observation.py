@@ -61,7 +61,7 @@ class Observer:
         self._origin = grid.offset_origin
         self._identity = backend.floats(np.eye(scenario.num_auvs))
         self._is_credited_apart = scenario.reward.credit == "difference"
-        self._num_nodes = scenario.num_nodes
+        self._num_nodes = num_nodes = scenario.num_nodes
         self._num_slots = scenario.num_slots
         self._coordinates = backend.floats(grid.coordinate_table() + 1)
         self._dtype = backend.dtype
@@ -71,6 +71,8 @@ class Observer:
         # All AUVs at the node, charging it alone through the whole episode.
         best_slot_j = float(link.channel.harvested_power_w(0.0)) * scenario.slot_s
         energy_bound_j = best_slot_j * scenario.num_slots * scenario.num_auvs
+        #: Entries of an observation that tell of each node: ages, energies.
+        self.node_entries = (slice(3, 3 + num_nodes), slice(3 + num_nodes, 3 + 2 * num_nodes))
         self.agent_ranges = self._agent_ranges(scenario, grid, energy_bound_j)
         self.state_ranges = self._state_ranges(scenario, grid, energy_bound_j)
 

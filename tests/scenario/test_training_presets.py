@@ -26,6 +26,7 @@ target_kl: null
 hidden_units: [4]
 activation: relu
 critic: central
+node_network: true
 observation_scaling: none
 reward_scaling: none
 mask_actions: false
@@ -115,12 +116,12 @@ def test_preset_gives_every_setting_but_its_own_name():
         (OWN.replace("steps: 1000\n", ""), r"training\.steps: is missing"),
         (OWN.replace("epochs: 1", "epochs: 0"), r"^own\.yaml:4: training\.epochs: must be greater"),
         (OWN.replace("epochs", "epoch"), r"^own\.yaml:4: training\.epoch: unknown key; did you "),
-        (OWN + "cases: 3", r"own\.yaml:25: cases: must be a list"),
-        (OWN + "cases: [3]", r"own\.yaml:25: cases: each must have the mappings 'when' and 'set'"),
-        (OWN + "cases:\n- {when: {}}", r"own\.yaml:26: cases: each must have the mappings"),
-        (OWN + "cases: [{when: 3, set: {}}]", r"own\.yaml:25: cases: each must have the mappings"),
-        (OWN + "cases: [{when: {}, set: [1]}]", r"own\.yaml:25: cases: each must have the "),
-        (OWN + "cases: [{when: {}, set: {epochs: x}}]", r"^own\.yaml:25: training\.epochs: must "),
+        (OWN + "cases: 3", r"own\.yaml:26: cases: must be a list"),
+        (OWN + "cases: [3]", r"own\.yaml:26: cases: each must have the mappings 'when' and 'set'"),
+        (OWN + "cases:\n- {when: {}}", r"own\.yaml:27: cases: each must have the mappings"),
+        (OWN + "cases: [{when: 3, set: {}}]", r"own\.yaml:26: cases: each must have the mappings"),
+        (OWN + "cases: [{when: {}, set: [1]}]", r"own\.yaml:26: cases: each must have the "),
+        (OWN + "cases: [{when: {}, set: {epochs: x}}]", r"^own\.yaml:26: training\.epochs: must "),
         ("[1, 2]", r"own\.yaml:1: must be a mapping"),
         ("a: [1", r"own\.yaml: broken YAML"),
         ("", r"training\.\w+: is missing"),
