@@ -6,6 +6,8 @@ import torch
 from scipy.stats import chisquare
 from torch.distributions import Categorical
 
+from iout_marl import evaluate
+from trainers import Trainer, train
 from trainers.networks import ActorCritic, Scaler, gumbel_noise
 
 SIZES = (6, 3, 2)
@@ -205,3 +207,55 @@ def test_scaler_travels_with_the_weights():
     other = network()
     other.load_state_dict(net.state_dict())
     assert torch.equal(other.scaler(inputs(5)), net.scaler(inputs(5)))
+
+
+class TestNodeNetwork:
+    """Two nodes; the observation is something else, two ages, two energies, something else."""
+
+    def network(self, *, extra=True, sizes=(6, 2, 2)):
+        torch.manual_seed(0)
+        entries = (slice(1, 3), slice(3, 5)) if extra else None
+        scaler = Scaler(torch.zeros(6), torch.ones(6), 10.0)
+        made = ActorCritic(scaler, sizes, (8,), "tanh", node_entries=entries)
+        if extra:
+            with torch.no_grad():
+                made.node_actor[-1].weight *= 100
+        return made
+
+    def test_adds_the_same_function_of_age_and_energy_to_each_node(self):
+        net = self.network()
+        x = torch.randn(5, 6, generator=torch.Generator().manual_seed(1))
+        added = net.scores(x) - net.actor(x).unflatten(-1, (3, 6)) - net.padding
+        assert torch.equal(added[:, 0], torch.zeros(5, 6))
+        for node in (0, 1):
+            expected = net.node_actor(x[:, [1 + node, 3 + node]])
+            torch.testing.assert_close(added[:, 1:, node], expected)
+
+    def test_nodes_that_change_places_change_what_is_added(self):
+        net = self.network()
+        x = torch.randn(5, 6, generator=torch.Generator().manual_seed(1))
+        swapped = x[:, [0, 2, 1, 4, 3, 5]]
+        added, other = (
+            net.scores(v)[:, 1:, :2] - net.actor(v).unflatten(-1, (3, 6))[:, 1:, :2]
+            for v in (x, swapped)
+        )
+        torch.testing.assert_close(added, other.flip(-1))
+        assert not torch.allclose(added, other)
+
+    def test_more_nodes_than_directions(self):
+        torch.manual_seed(0)
+        scaler = Scaler(torch.zeros(21), torch.ones(21), 10.0)
+        entries = (slice(3, 12), slice(12, 21))
+        net = ActorCritic(scaler, (6, 9), (8,), "tanh", node_entries=entries)
+        policy = net.log_probabilities(torch.randn(4, 21)).exp()
+        assert policy.shape == (4, 2, 9)
+        torch.testing.assert_close(policy[:, 0, :6].sum(-1), torch.ones(4))
+        torch.testing.assert_close(policy[:, 1].sum(-1), torch.ones(4))
+
+    def test_is_trained_saved_and_loaded(self, tiny, tmp_path):
+        scenario = tiny({"training.node_network": True, "auvs.count": 2})
+        run = train(scenario, tmp_path / "run", evaluation_episodes=1).run
+        policy = run.load_policy()
+        last = Trainer(scenario).network.node_actor[-1].weight
+        assert not torch.allclose(policy.network.node_actor[-1].weight, last)
+        assert evaluate(scenario, policy, 1).episodes == 1
