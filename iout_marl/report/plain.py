@@ -6,6 +6,7 @@ from collections import Counter
 
 from iout_marl.report.content import Report, Section, Table
 from iout_marl.report.measures import duration, place_text
+from iout_marl.report.palette import COLOURS
 from iout_marl.report.study_figures import learning_figure, metric_figure, metrics_table
 from iout_marl.study.results import Results
 
@@ -39,8 +40,9 @@ def plain_report(results: Results) -> Report:
         title="Series over the axis",
         items=(
             *(
-                metric_figure(results, metric, title, metric, results.series)
+                metric_figure(results, metric + number, title + of_what, metric, names)
                 for metric, title in FIGURES
+                for number, of_what, names in _families(results.series)
             ),
             metrics_table(results, "metrics", "All series", results.series),
         ),
@@ -52,6 +54,24 @@ def plain_report(results: Results) -> Report:
         facts=facts(results),
         sections=tuple(s for s in sections if s.items),
     )
+
+
+def _families(series: list[str]) -> list[tuple[str, str, list[str]]]:
+    """Series that share a figure: all, or, where these are too many to be told apart, those
+    whose names go on alike after their first comma.
+
+    Returns:
+        for each: what its key ends with, what its title ends with, and the series.
+    """
+    if len(series) <= len(COLOURS):
+        return [("", "", series)]
+    families: dict[str, list[str]] = {}
+    for name in series:
+        families.setdefault(name.partition(", ")[2], []).append(name)
+    return [
+        (f"-{i + 1}", f": {rest}" if rest else "", names)
+        for i, (rest, names) in enumerate(families.items())
+    ]
 
 
 def learning_section(results: Results, series: list[str]) -> Section:
