@@ -1,5 +1,7 @@
 """Fixtures of all tests: one thread, a scenario that is small in every respect, `iout`."""
 
+import signal
+
 import pytest
 import torch
 from tiny_study import TINY
@@ -12,6 +14,12 @@ from iout_marl.cli import main
 def _one_thread():
     """Tests share the cores with one another, and sums keep their order."""
     torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _ctrl_c_counts():
+    """Shells let what they start in the background, and all its children, ignore Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
