@@ -1,7 +1,7 @@
 """AgileRL's IPPO: every AUV learns networks of its own, which could also evolve.
 
     pip install agilerl peft
-    python examples/train_agilerl.py [--scenario best/k10-fdd] [--auvs 3] [--steps 30_000]
+    python examples/train_agilerl.py [--scenario best/k10-fdd] [--auvs 3] [--steps 60_000]
 
 AgileRL takes the ParallelEnv and MultiDiscrete actions as they are. This is a population of
 one, without mutations: a longer list of agents and the arguments `selection_strategy` and
@@ -97,7 +97,7 @@ def main(arguments: list[str] | None = None) -> tuple[float, float]:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenario", default="best/k10-fdd")
     parser.add_argument("--auvs", type=int, default=3)
-    parser.add_argument("--steps", type=int, default=30_000, help="actions of all AUVs together")
+    parser.add_argument("--steps", type=int, default=60_000, help="actions of all AUVs together")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(arguments)
     scenario = load_scenario(options.scenario, {"auvs.count": options.auvs, **SETTINGS})
