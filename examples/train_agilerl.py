@@ -10,7 +10,6 @@ one, without mutations: a longer list of agents and the arguments `selection_str
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from typing import Any
 
@@ -19,15 +18,9 @@ import supersuit
 import torch
 from agilerl.algorithms import IPPO
 from agilerl.training.train_multi_agent_on_policy import train_multi_agent_on_policy
+from common import mean_aoi, parse, tell
 
-from iout_marl import Scenario, evaluate, iout_v0, load_scenario
-
-#: Uplinks share one band; observations in [0, 1], with the time, as networks like them.
-SETTINGS = {
-    "channel.access": "interference",
-    "observation.kind": "scaled",
-    "observation.time": True,
-}
+from iout_marl import Scenario, iout_v0
 
 
 class OwnNetworks(IPPO):
@@ -87,26 +80,14 @@ def policy_of(agent: IPPO) -> Callable[[Any], Any]:
     return policy
 
 
-def mean_aoi(scenario: Scenario, policy: Callable[[Any], Any]) -> float:
-    """Mean Age of Information over 100 episodes, in slots."""
-    return evaluate(scenario, policy, episodes=100).metrics["mean_aoi"].mean
-
-
 def main(arguments: list[str] | None = None) -> tuple[float, float]:
     """Trains, prints and returns the mean AoI before and after."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenario", default="best/k10-fdd")
-    parser.add_argument("--auvs", type=int, default=3)
-    parser.add_argument("--steps", type=int, default=60_000, help="actions of all AUVs together")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args(arguments)
-    scenario = load_scenario(options.scenario, {"auvs.count": options.auvs, **SETTINGS})
+    options, scenario = parse(__doc__, arguments, steps=60_000)
     agent = make_agent(scenario, options.seed)
     before = mean_aoi(scenario, policy_of(agent))
     learn(agent, scenario, options.steps)
     after = mean_aoi(scenario, policy_of(agent))
-    print(f"AgileRL IPPO: mean AoI {before:.2f} before, {after:.2f} after {options.steps} steps")
-    return before, after
+    return tell("AgileRL IPPO", before, after, options.steps)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ sees the observations of all AUVs.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Callable
 from typing import Any
@@ -21,19 +20,14 @@ from benchmarl.algorithms import MappoConfig
 from benchmarl.environments.pettingzoo.common import PettingZooClass
 from benchmarl.experiment import Experiment, ExperimentConfig
 from benchmarl.models.mlp import MlpConfig
+from common import mean_aoi, parse, tell
 from gymnasium import spaces
 from pettingzoo.utils import BaseParallelWrapper
 from tensordict import TensorDict
 from torchrl.envs import EnvBase, ExplorationType, PettingZooWrapper, set_exploration_type
 
-from iout_marl import Scenario, evaluate, iout_v0, load_scenario
+from iout_marl import Scenario, iout_v0
 
-#: Uplinks share one band; observations in [0, 1], with the time, as networks like them.
-SETTINGS = {
-    "channel.access": "interference",
-    "observation.kind": "scaled",
-    "observation.time": True,
-}
 ENVIRONMENTS = 4
 
 
@@ -125,27 +119,15 @@ def policy_of(experiment: Experiment) -> Callable[[Any], Any]:
     return policy
 
 
-def mean_aoi(scenario: Scenario, policy: Callable[[Any], Any]) -> float:
-    """Mean Age of Information over 100 episodes, in slots."""
-    return evaluate(scenario, policy, episodes=100).metrics["mean_aoi"].mean
-
-
 def main(arguments: list[str] | None = None) -> tuple[float, float]:
     """Trains, prints and returns the mean AoI before and after."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenario", default="best/k10-fdd")
-    parser.add_argument("--auvs", type=int, default=3)
-    parser.add_argument("--steps", type=int, default=30_000, help="actions of all AUVs together")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args(arguments)
-    scenario = load_scenario(options.scenario, {"auvs.count": options.auvs, **SETTINGS})
+    options, scenario = parse(__doc__, arguments)
     with tempfile.TemporaryDirectory() as folder:
         experiment = make_experiment(scenario, folder, options.steps, options.seed)
         before = mean_aoi(scenario, policy_of(experiment))
         experiment.run()
         after = mean_aoi(scenario, policy_of(experiment))
-    print(f"BenchMARL MAPPO: mean AoI {before:.2f} before, {after:.2f} after {options.steps} steps")
-    return before, after
+    return tell("BenchMARL MAPPO", before, after, options.steps)
 
 
 if __name__ == "__main__":

@@ -9,26 +9,20 @@ are. The environment is stepped in this process: `num_env_runners` adds others.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from typing import Any
 
 import supersuit
 import torch
+from common import mean_aoi, parse, tell
 from ray.rllib.algorithms.ppo import PPO, PPOConfig
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 from ray.tune.registry import register_env
 
-from iout_marl import Scenario, evaluate, iout_v0, load_scenario
+from iout_marl import Scenario, iout_v0
 
-#: Uplinks share one band; observations in [0, 1], with the time, as networks like them.
-SETTINGS = {
-    "channel.access": "interference",
-    "observation.kind": "scaled",
-    "observation.time": True,
-}
 #: Slots of an iteration: the AUVs bring as many samples each.
 SLOTS = 400
 
@@ -81,28 +75,16 @@ def policy_of(algorithm: PPO) -> Callable[[Any], Any]:
     return policy
 
 
-def mean_aoi(scenario: Scenario, policy: Callable[[Any], Any]) -> float:
-    """Mean Age of Information over 100 episodes, in slots."""
-    return evaluate(scenario, policy, episodes=100).metrics["mean_aoi"].mean
-
-
 def main(arguments: list[str] | None = None) -> tuple[float, float]:
     """Trains, prints and returns the mean AoI before and after."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenario", default="best/k10-fdd")
-    parser.add_argument("--auvs", type=int, default=3)
-    parser.add_argument("--steps", type=int, default=30_000, help="actions of all AUVs together")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args(arguments)
-    scenario = load_scenario(options.scenario, {"auvs.count": options.auvs, **SETTINGS})
+    options, scenario = parse(__doc__, arguments)
     algorithm = make_algorithm(scenario, options.seed)
     before = mean_aoi(scenario, policy_of(algorithm))
     for _ in range(0, options.steps, SLOTS * options.auvs):
         algorithm.train()
     after = mean_aoi(scenario, policy_of(algorithm))
     algorithm.stop()
-    print(f"RLlib PPO: mean AoI {before:.2f} before, {after:.2f} after {options.steps} steps")
-    return before, after
+    return tell("RLlib PPO", before, after, options.steps)
 
 
 if __name__ == "__main__":

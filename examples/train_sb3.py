@@ -9,22 +9,15 @@ single-agent algorithm learns from all of them: parameter sharing, independent P
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from typing import Any
 
+from common import mean_aoi, parse, tell
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
-from iout_marl import Scenario, evaluate, load_scenario
+from iout_marl import Scenario
 from iout_marl.envs import sb3_vec_env
-
-#: Uplinks share one band; observations in [0, 1], with the time, as networks like them.
-SETTINGS = {
-    "channel.access": "interference",
-    "observation.kind": "scaled",
-    "observation.time": True,
-}
 
 
 def make_model(scenario: Scenario, seed: int = 0, num_envs: int = 4) -> PPO:
@@ -57,26 +50,14 @@ def policy_of(model: PPO) -> Callable[[Any], Any]:
     return policy
 
 
-def mean_aoi(scenario: Scenario, policy: Callable[[Any], Any]) -> float:
-    """Mean Age of Information over 100 episodes, in slots."""
-    return evaluate(scenario, policy, episodes=100).metrics["mean_aoi"].mean
-
-
 def main(arguments: list[str] | None = None) -> tuple[float, float]:
     """Trains, prints and returns the mean AoI before and after."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenario", default="best/k10-fdd")
-    parser.add_argument("--auvs", type=int, default=3)
-    parser.add_argument("--steps", type=int, default=30_000, help="actions of all AUVs together")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args(arguments)
-    scenario = load_scenario(options.scenario, {"auvs.count": options.auvs, **SETTINGS})
+    options, scenario = parse(__doc__, arguments)
     model = make_model(scenario, options.seed)
     before = mean_aoi(scenario, policy_of(model))
     model.learn(options.steps)
     after = mean_aoi(scenario, policy_of(model))
-    print(f"SB3 PPO: mean AoI {before:.2f} before, {after:.2f} after {options.steps} steps")
-    return before, after
+    return tell("SB3 PPO", before, after, options.steps)
 
 
 if __name__ == "__main__":

@@ -10,13 +10,13 @@ face, in which the actions of all AUVs are one MultiDiscrete, drawn from torch's
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from typing import Any
 
 import gymnasium
 import numpy as np
 import torch
+from common import MultiCategorical, mean_aoi, parse, tell
 from gymnasium.wrappers import TransformReward
 from tianshou.algorithm import PPO
 from tianshou.algorithm.modelfree.reinforce import ProbabilisticActorPolicy
@@ -26,26 +26,10 @@ from tianshou.env import DummyVectorEnv
 from tianshou.trainer import OnPolicyTrainerParams
 from tianshou.utils.net.common import Net
 from tianshou.utils.net.discrete import DiscreteCritic
-from torch.distributions import Categorical, Independent
 
-from iout_marl import Scenario, evaluate, load_scenario
+from iout_marl import Scenario
 
-#: Uplinks share one band; observations in [0, 1], with the time, as networks like them.
-SETTINGS = {
-    "channel.access": "interference",
-    "observation.kind": "scaled",
-    "observation.time": True,
-}
 ENVIRONMENTS = 4
-
-
-class MultiCategorical(Independent):
-    """A Categorical for each entry of a MultiDiscrete action, of (…, entries · longest) logits."""
-
-    def __init__(self, logits: torch.Tensor, sizes: list[int]) -> None:
-        beyond = torch.arange(max(sizes)) >= torch.tensor(sizes)[:, None]
-        logits = logits.unflatten(-1, beyond.shape).masked_fill(beyond, -torch.inf)
-        super().__init__(Categorical(logits=logits), 1)
 
 
 def make_env(scenario: Scenario) -> gymnasium.Env[Any, Any]:
@@ -105,26 +89,14 @@ def policy_of(algorithm: PPO) -> Callable[[Any], Any]:
     return policy
 
 
-def mean_aoi(scenario: Scenario, policy: Callable[[Any], Any]) -> float:
-    """Mean Age of Information over 100 episodes, in slots."""
-    return evaluate(scenario, policy, episodes=100).metrics["mean_aoi"].mean
-
-
 def main(arguments: list[str] | None = None) -> tuple[float, float]:
     """Trains, prints and returns the mean AoI before and after."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenario", default="best/k10-fdd")
-    parser.add_argument("--auvs", type=int, default=3)
-    parser.add_argument("--steps", type=int, default=30_000, help="actions of all AUVs together")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args(arguments)
-    scenario = load_scenario(options.scenario, {"auvs.count": options.auvs, **SETTINGS})
+    options, scenario = parse(__doc__, arguments)
     algorithm = make_algorithm(scenario, options.seed)
     before = mean_aoi(scenario, policy_of(algorithm))
     learn(algorithm, scenario, options.steps, options.seed)
     after = mean_aoi(scenario, policy_of(algorithm))
-    print(f"Tianshou PPO: mean AoI {before:.2f} before, {after:.2f} after {options.steps} steps")
-    return before, after
+    return tell("Tianshou PPO", before, after, options.steps)
 
 
 if __name__ == "__main__":

@@ -10,26 +10,17 @@ one is made of torch's.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable
 from typing import Any
 
 import torch
+from common import MultiCategorical, mean_aoi, parse, tell
 from tensordict import TensorDict
 from tensordict.nn import TensorDictModule
-from torch.distributions import Categorical, Independent
 from torchrl.envs import ExplorationType, PettingZooWrapper
 from torchrl.modules import MultiAgentMLP, ProbabilisticActor
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
-from iout_marl import Scenario, evaluate, iout_v0, load_scenario
-
-#: Uplinks share one band; observations in [0, 1], with the time, as networks like them.
-SETTINGS = {
-    "channel.access": "interference",
-    "observation.kind": "scaled",
-    "observation.time": True,
-}
+from iout_marl import Scenario, iout_v0
 
 OBSERVATION, LOGITS, ACTION, LOG_PROB = (
     ("auv", key) for key in ("observation", "logits", "action", "log_prob")
@@ -37,15 +28,6 @@ OBSERVATION, LOGITS, ACTION, LOG_PROB = (
 VALUE, REWARD, DONE, TERMINATED = (
     ("auv", key) for key in ("state_value", "reward", "done", "terminated")
 )
-
-
-class MultiCategorical(Independent):
-    """A Categorical for each entry of a MultiDiscrete action, of (…, entries · longest) logits."""
-
-    def __init__(self, logits: torch.Tensor, sizes: list[int]) -> None:
-        beyond = torch.arange(max(sizes)) >= torch.tensor(sizes)[:, None]
-        logits = logits.unflatten(-1, beyond.shape).masked_fill(beyond, -torch.inf)
-        super().__init__(Categorical(logits=logits), 1)
 
 
 class MAPPO:
@@ -109,26 +91,14 @@ class MAPPO:
             return self.actor(batch)[ACTION].numpy()
 
 
-def mean_aoi(scenario: Scenario, policy: Callable[[Any], Any]) -> float:
-    """Mean Age of Information over 100 episodes, in slots."""
-    return evaluate(scenario, policy, episodes=100).metrics["mean_aoi"].mean
-
-
 def main(arguments: list[str] | None = None) -> tuple[float, float]:
     """Trains, prints and returns the mean AoI before and after."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenario", default="best/k10-fdd")
-    parser.add_argument("--auvs", type=int, default=3)
-    parser.add_argument("--steps", type=int, default=30_000, help="actions of all AUVs together")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args(arguments)
-    scenario = load_scenario(options.scenario, {"auvs.count": options.auvs, **SETTINGS})
+    options, scenario = parse(__doc__, arguments)
     mappo = MAPPO(scenario, options.seed)
     before = mean_aoi(scenario, mappo.policy)
     mappo.learn(options.steps)
     after = mean_aoi(scenario, mappo.policy)
-    print(f"TorchRL MAPPO: mean AoI {before:.2f} before, {after:.2f} after {options.steps} steps")
-    return before, after
+    return tell("TorchRL MAPPO", before, after, options.steps)
 
 
 if __name__ == "__main__":

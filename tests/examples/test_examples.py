@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from common import SETTINGS, mean_aoi
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 #: A node in each of the six cells, three AUVs, and little power to charge by: random actions
@@ -29,7 +30,7 @@ def example(request, tiny):
     spec = importlib.util.spec_from_file_location(path.stem, path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module, tiny(HARDER | module.SETTINGS)
+    return module, tiny(HARDER | SETTINGS)
 
 
 def assert_learns(mean_aoi, parameters, learn):
@@ -47,7 +48,7 @@ def test_stable_baselines3_learns_through_supersuit(example):
     model = module.make_model(scenario, seed=0)
     policy = module.policy_of(model)
     assert_learns(
-        lambda: module.mean_aoi(scenario, policy),
+        lambda: mean_aoi(scenario, policy),
         model.policy.parameters(),
         lambda: model.learn(12_000),
     )
@@ -60,7 +61,7 @@ def test_mappo_of_torchrls_parts_learns(example):
     module, scenario = example
     mappo = module.MAPPO(scenario, seed=0)
     assert_learns(
-        lambda: module.mean_aoi(scenario, mappo.policy),
+        lambda: mean_aoi(scenario, mappo.policy),
         mappo.loss.parameters(),
         lambda: mappo.learn(8_000),
     )
