@@ -58,7 +58,7 @@ class Observer:
         self._sees_others = scenario.observation.other_auvs and scenario.num_auvs > 1
         self._is_limited = scenario.observation.view_range_m is not None
         self._nearness = backend.integers(_nearness(grid))
-        self._origin = grid.offset_origin
+        self._link = link
         self._identity = backend.floats(np.eye(scenario.num_auvs))
         self._is_credited_apart = scenario.reward.credit == "difference"
         self._num_nodes = num_nodes = scenario.num_nodes
@@ -84,10 +84,7 @@ class Observer:
             age, energy = state.seen_age, state.seen_energy_j
         else:
             age, energy = self._for_every_auv(state.age), self._for_every_auv(state.energy_j)
-        if scaled:
-            age = age / self._maximum_age
-            energy = energy / (energy + self.price_j)
-        parts = [own, age, energy]
+        parts = [own, self._ages(age), self._energies(energy)]
         if self._settings.node_positions:
             nodes = self._positions(state.node_cell, scaled=scaled)
             parts.append(self._for_every_auv(self._xp.reshape(nodes, (nodes.shape[0], -1))))
@@ -116,12 +113,14 @@ class Observer:
             self._xp.reshape(self._positions(cell, scaled=scaled), (num_envs, -1))
             for cell in (state.cell, state.node_cell)
         ]
-        age, energy, deliveries = state.age, state.energy_j, state.deliveries
-        if scaled:
-            age = age / self._maximum_age
-            energy = energy / (energy + self.price_j)
-            deliveries = deliveries / self._num_slots
-        parts = [flat[0], age, energy, deliveries, flat[1], self._time(state)]
+        parts = [
+            flat[0],
+            self._ages(state.age),
+            self._energies(state.energy_j),
+            self._counts(state.deliveries),
+            flat[1],
+            self._time(state),
+        ]
         return self._xp.concat(parts, axis=-1)
 
     def observe_for_critic(self, state: State, *, central: bool) -> Array | None:
@@ -134,10 +133,7 @@ class Observer:
         if central:
             parts.append(self._for_every_auv(self.observe_globally(state)))
         if self._is_credited_apart:
-            age, deliveries = state.others_age, state.others_deliveries
-            if self._settings.kind == "scaled":
-                age, deliveries = age / self._maximum_age, deliveries / self._num_slots
-            parts += [age, deliveries]
+            parts += [self._ages(state.others_age), self._counts(state.others_deliveries)]
         return self._xp.concat(parts, axis=-1) if parts else None
 
     def critic_ranges(self, *, central: bool) -> Ranges | None:
@@ -152,6 +148,16 @@ class Observer:
             return None
         return _joined([(part.low, part.high, part.scale) for part in parts])
 
+    def _ages(self, age: Array) -> Array:
+        return age / self._maximum_age if self._settings.kind == "scaled" else age
+
+    def _energies(self, energy_j: Array) -> Array:
+        scaled = self._settings.kind == "scaled"
+        return energy_j / (energy_j + self.price_j) if scaled else energy_j
+
+    def _counts(self, deliveries: Array) -> Array:
+        return deliveries / self._num_slots if self._settings.kind == "scaled" else deliveries
+
     def _positions(self, cell: Array, *, scaled: bool) -> Array:
         xyz = self._xp.take(self._coordinates, self._xp.reshape(cell, (-1,)), axis=0)
         xyz = self._xp.reshape(xyz, (*cell.shape, 3))
@@ -161,7 +167,7 @@ class Observer:
         """Steps in cells to each other AUV, the nearest first: (envs, auvs, 3 (auvs − 1))."""
         xp, (num_envs, num_auvs) = self._xp, cell.shape
         order = xp.argsort(
-            lookup(xp, self._nearness, cell[:, None, :] - cell[:, :, None] + self._origin),
+            self._link.at(self._nearness, self._link.offset(cell[:, None, :], cell[:, :, None])),
             axis=-1,
         )[..., 1:]
         # Of AUVs in one cell any may come first: they look alike.
