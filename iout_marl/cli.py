@@ -111,9 +111,16 @@ def train(
     threads: Annotated[
         int | None, typer.Option(min=1, help="Threads of torch on a CPU [1].")
     ] = None,
+    replicas: Annotated[
+        int | None,
+        typer.Option(min=1, help="Policies side by side, from seeds SEED, SEED + 1, … [1]."),
+    ] = None,
     overrides: Overrides = None,
 ) -> None:
-    """Train a policy by PPO. Ctrl-C saves; --resume goes on."""
+    """Train a policy by PPO. Ctrl-C saves; --resume goes on.
+
+    Several processes train one policy by `torchrun --nproc-per-node N -m trainers.ppo SCENARIO …`.
+    """
     settings = list(overrides or [])
     if steps is not None:
         settings.append(f"training.steps={steps}")
@@ -122,7 +129,11 @@ def train(
         raise InputError("--out and --resume name different folders; --resume goes on in its own")
     if resume is not None and seed is not None:
         raise InputError("--seed: a resumed run goes on with its own seed")
-    seed = seed or 0
+    if resume is not None and replicas is not None:
+        raise InputError("--replicas: a resumed training goes on with the policies that it has")
+    seed, replicas = seed or 0, replicas or 1
+    if seed + replicas - 1 > MAX_SEED:
+        raise InputError(f"--replicas {replicas}: the last seed would be above {MAX_SEED}")
 
     import torch
 
@@ -131,16 +142,24 @@ def train(
     # More threads than one gain little on networks of this size, and cost much on busy cores.
     torch.set_num_threads(threads or 1)
     name = re.sub(r"[^\w.-]+", "-", loaded.name)
-    folder = resume or out or Path("runs") / f"{name}-s{seed}"
-    outcome = trainers.train(
-        loaded, folder, seed, trainers.find_device(device), resume=resume is not None
-    )
-    _report(outcome, scenario, settings)
+    seeds = f"s{seed}" if replicas == 1 else f"s{seed}-{seed + replicas - 1}"
+    folder = resume or out or Path("runs") / f"{name}-{seeds}"
+    with trainers.started_group(trainers.find_device(device)) as (group, own_device):
+        outcome = trainers.train(
+            loaded,
+            folder,
+            seed,
+            own_device,
+            resume=resume is not None,
+            replicas=replicas,
+            group=group,
+        )
+    if group.rank == 0:
+        _report(outcome, folder, scenario, settings)
 
 
-def _report(outcome: TrainingOutcome, scenario: str, settings: list[str]) -> None:
-    run = outcome.run.path
-    if outcome.evaluation is None:
+def _report(outcome: TrainingOutcome, run: Path, scenario: str, settings: list[str]) -> None:
+    if not outcome.finished:
         words = ["iout", "train", scenario, "--resume", str(run)]
         words += [word for setting in settings for word in ("--set", setting)]
         typer.echo(
@@ -148,7 +167,7 @@ def _report(outcome: TrainingOutcome, scenario: str, settings: list[str]) -> Non
             f"go on with: {shlex.join(words)}"
         )
         return
-    _print_table([outcome.evaluation])
+    _print_table(outcome.evaluations)
     typer.echo(
         f"trained for {outcome.seconds:.0f} s; the run is in {run} "
         f"(curves: tensorboard --logdir {run})"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import threading
 import time
+from collections.abc import Sequence
+from statistics import fmean
 from types import TracebackType
 from typing import Any, Self
 
@@ -23,7 +25,7 @@ class TrainingLog:
     """Writes each iteration to TensorBoard, to `metrics.jsonl` and to the terminal.
 
     Args:
-        run: the run's folder.
+        runs: the folder of each policy that is trained; none to write nothing and show nothing.
         name: what the progress bar calls it.
         total_steps: environment steps of the whole training.
         env_steps: steps already taken; what the files say of later ones is cut off.
@@ -31,18 +33,17 @@ class TrainingLog:
     """
 
     def __init__(
-        self, run: RunFolder, name: str, total_steps: int, env_steps: int, console: Console
+        self,
+        runs: Sequence[RunFolder],
+        name: str,
+        total_steps: int,
+        env_steps: int,
+        console: Console,
     ) -> None:
-        self._run = run
+        self._runs = [_RunLog(run, env_steps) for run in runs]
         self._console = console
-        self._last_line = time.monotonic()
-        _cut_off(run, env_steps)
-        purge_step = env_steps + 1 if env_steps else None  # of the steps that it hides, the first
-        try:
-            self._writer = SummaryWriter(str(run.path), purge_step=purge_step)
-            self._metrics = run.metrics_path.open("a", encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"{run.path}: can not be written: {error.strerror}") from None
+        self._last_line = self._last_write = time.monotonic()
+        self._writing_s = 0.0
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(bar_width=None),
@@ -53,7 +54,7 @@ class TrainingLog:
             TextColumn("{task.fields[rate]:>7,.0f} steps/s"),
             TimeRemainingColumn(),
             console=console,
-            disable=not console.is_terminal,
+            disable=not console.is_terminal or not runs,
         )
         self._task = self._progress.add_task(
             name, total=total_steps, completed=env_steps, aoi=0.0, jain=0.0, kj=0.0, rate=0.0
@@ -77,13 +78,8 @@ class TrainingLog:
     ) -> None:
         self._progress.stop()
         try:
-            self._metrics.close()
-            self._writer.close()
-        except OSError as failure:
-            if error is None:
-                raise InputError(
-                    f"{self._run.path}: can not be written: {failure.strerror}"
-                ) from None
+            for run in self._runs:
+                run.close(quietly=error is not None)
         finally:
             threading.excepthook = self._usual_hook
 
@@ -91,20 +87,23 @@ class TrainingLog:
         if type(failure.thread).__name__ != "_AsyncWriterThread":
             self._usual_hook(failure)
 
-    def write(self, env_steps: int, log: dict[str, float]) -> None:
-        """Log an iteration.
+    def write(self, env_steps: int, logs: Sequence[dict[str, float]]) -> None:
+        """Log an iteration of every policy.
+
+        With it goes `speed/logging_share`: what part of the time since the last iteration
+        was logged has gone into logging that one.
 
         Raises:
             InputError: a file can not be written.
         """
-        try:
-            for tag, value in log.items():
-                self._writer.add_scalar(tag, value, env_steps)
-            self._metrics.write(json.dumps({"env_steps": env_steps, **log}) + "\n")
-            self._metrics.flush()
-        except OSError as error:
-            raise InputError(f"{self._run.path}: can not be written: {error.strerror}") from None
-        self._show(env_steps, log)
+        now = time.monotonic()
+        share = self._writing_s / max(now - self._last_write, 1e-9)
+        self._last_write = now
+        for run, log in zip(self._runs, logs, strict=bool(self._runs)):
+            run.write(env_steps, {**log, "speed/logging_share": share})
+        if self._runs:
+            self._show(env_steps, {tag: fmean(log[tag] for log in logs) for tag in logs[0]})
+        self._writing_s = time.monotonic() - now
 
     def _show(self, env_steps: int, log: dict[str, float]) -> None:
         fields = {"rate": log["speed/env_steps_per_s"]}
@@ -123,6 +122,40 @@ class TrainingLog:
                 f"Jain {shown['jain']:.3f}  {shown['kj']:.2f} kJ  {shown['rate']:,.0f} steps/s",
                 highlight=False,
             )
+
+
+class _RunLog:
+    """The log files of one run."""
+
+    def __init__(self, run: RunFolder, env_steps: int) -> None:
+        self._run = run
+        _cut_off(run, env_steps)
+        purge_step = env_steps + 1 if env_steps else None  # of the steps that it hides, the first
+        try:
+            self._writer = SummaryWriter(str(run.path), purge_step=purge_step)
+            self._metrics = run.metrics_path.open("a", encoding="utf-8")
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def write(self, env_steps: int, log: dict[str, float]) -> None:
+        try:
+            for tag, value in log.items():
+                self._writer.add_scalar(tag, value, env_steps)
+            self._metrics.write(json.dumps({"env_steps": env_steps, **log}) + "\n")
+            self._metrics.flush()
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def close(self, *, quietly: bool) -> None:
+        try:
+            self._metrics.close()
+            self._writer.close()
+        except OSError as error:
+            if not quietly:
+                raise self._unwritable(error) from None
+
+    def _unwritable(self, error: OSError) -> InputError:
+        return InputError(f"{self._run.path}: can not be written: {error.strerror}")
 
 
 def _cut_off(run: RunFolder, env_steps: int) -> None:

@@ -1,13 +1,21 @@
-"""Actor and critic, and how they see observations."""
+"""Actor and critic, and how they see observations.
+
+Several policies can be `stacked` into one, whose weights have one more axis, the first; so
+have then all that goes in and comes out: (replicas, …) instead of (…).
+"""
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
+
+from trainers import functions
+from trainers.moments import Moments
 
 #: A log-probability that comes out as a probability of exactly 0, and is finite.
 _IMPOSSIBLE = -1e9
@@ -25,7 +33,6 @@ class Scaler(nn.Module):
 
     shift: Tensor
     scale: Tensor
-    limit: Tensor
     count: Tensor
 
     def __init__(
@@ -33,50 +40,60 @@ class Scaler(nn.Module):
     ) -> None:
         super().__init__()
         self.running = running
+        self.limit = limit
         self.register_buffer("shift", shift.float().clone())
         self.register_buffer("scale", scale.float().clone())
-        self.register_buffer("limit", torch.tensor(float(limit)))
         self.register_buffer("count", torch.tensor(0.0))
 
     def forward(self, observation: Tensor) -> Tensor:
         """(…, entries) scaled."""
-        scaled = (observation - self.shift) / self.scale
-        return torch.maximum(torch.minimum(scaled, self.limit), -self.limit)
+        shift, scale = self.shift, self.scale
+        if shift.ndim > 1:
+            shape = (len(shift), *(1,) * (observation.ndim - 2), -1)
+            shift, scale = shift.reshape(shape), scale.reshape(shape)
+        return (observation - shift).div_(scale).clamp_(-self.limit, self.limit)
 
     @torch.no_grad()
-    def update(self, observation: Tensor) -> None:
-        """Take in a batch of (…, entries) observations; without effect unless `running`.
-
-        Chan, Golub and LeVeque's rule for merging means and variances.
-        """
+    def update(self, seen: Moments) -> None:
+        """Take in the moments, (entries,), of observations; without effect unless `running`."""
         if not self.running:
             return
-        batch = observation.reshape(-1, observation.shape[-1])
-        number = batch.shape[0]
-        mean, variance = batch.mean(0), batch.var(0, correction=0)
-        total = self.count + number
-        delta = mean - self.shift
-        old_variance = torch.where(self.count > 0, self.scale**2, variance)
-        merged = (
-            old_variance * self.count
-            + variance * number
-            + delta**2 * (self.count > 0) * self.count * number / total
-        ) / total
-        self.shift += delta * torch.where(self.count > 0, number / total, torch.tensor(1.0))
-        self.scale.copy_(merged.clamp_min(1e-8).sqrt())
-        self.count.copy_(total)
+        before = Moments(
+            self.shift.double(), self.scale.double() ** 2, self.count[..., None].double()
+        )
+        merged = before.merged(seen)
+        self.shift.copy_(merged.mean)
+        self.scale.copy_(merged.variance.clamp_min(1e-8).sqrt())
+        self.count.copy_(merged.number[..., 0])
+
+
+class Perceptron(nn.Sequential):
+    """Linear layers with an activation between them; see `functions.perceptron`."""
+
+    def __init__(self, layers: Sequence[nn.Module], activation: str) -> None:
+        super().__init__(*layers)
+        self._activation = activation
+        #: Weight and bias of each layer: modules take their time to look for them.
+        self._in_order = list(self.parameters())
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        """(…, entries) to (…, outputs), whose samples lie along the last axis of memory."""
+        replicas = inputs.shape[: self._in_order[0].ndim - 2]
+        samples = inputs.reshape(*replicas, -1, inputs.shape[-1]).mT
+        result = functions.perceptron(samples, self._in_order, self._activation).mT
+        return result.reshape(*inputs.shape[:-1], result.shape[-1])
 
 
 def perceptron(
     inputs: int, hidden_units: Sequence[int], outputs: int, activation: str, output_gain: float
-) -> nn.Sequential:
+) -> Perceptron:
     """A multi-layer perceptron with orthogonal weights and zero biases."""
     layers: list[nn.Module] = []
     sizes = [inputs, *hidden_units]
     for size_in, size_out in pairwise(sizes):
         layers += [_linear(size_in, size_out, math.sqrt(2)), _ACTIVATIONS[activation]()]
     layers.append(_linear(sizes[-1], outputs, output_gain))
-    return nn.Sequential(*layers)
+    return Perceptron(layers, activation)
 
 
 def _linear(inputs: int, outputs: int, gain: float) -> nn.Linear:
@@ -107,6 +124,7 @@ class ActorCritic(nn.Module):
     """
 
     padding: Tensor
+    choice: Tensor
     return_mean: Tensor
     return_spread: Tensor
     return_count: Tensor
@@ -133,6 +151,10 @@ class ActorCritic(nn.Module):
         for entry, size in zip(padding, self.action_sizes, strict=True):
             entry[size:] = _IMPOSSIBLE
         self.register_buffer("padding", padding, persistent=False)
+        #: Where in a mask each choice of each entry stands.
+        choice = torch.zeros(padding.shape, dtype=torch.int64)
+        choice[padding == 0] = torch.arange(sum(self.action_sizes))
+        self.register_buffer("choice", choice, persistent=False)
         if privileged is not None:
             inputs += privileged.shift.shape[0]
         self.critic = perceptron(inputs, hidden_units, 1, activation, 1.0)
@@ -156,7 +178,7 @@ class ActorCritic(nn.Module):
                 where it is false get no probability.
         """
         flat: Tensor = self.actor(inputs)
-        scores = flat.view(*flat.shape[:-1], *self.padding.shape) + self.padding
+        scores = flat.reshape(*flat.shape[:-1], *self.padding.shape) + self.padding
         if self.node_entries is not None:
             told = torch.stack([inputs[..., entries] for entries in self.node_entries], dim=-1)
             of_nodes = self.node_actor(told).movedim(-1, -2)
@@ -165,21 +187,12 @@ class ActorCritic(nn.Module):
             scores = scores + nn.functional.pad(of_nodes, (0, missing, 1, 0))
         if mask is None:
             return scores
-        allowed = torch.zeros_like(scores, dtype=torch.bool)
-        allowed[..., self.padding == 0] = mask
-        return scores.masked_fill(~allowed, _IMPOSSIBLE)
-
-    def log_probabilities(self, inputs: Tensor, mask: Tensor | None = None) -> Tensor:
-        """`scores`, normalised over the choices of each entry."""
-        return self.normalised(self.scores(inputs, mask))
+        return scores.masked_fill(~mask[..., self.choice], _IMPOSSIBLE)
 
     @staticmethod
-    def normalised(scores: Tensor) -> Tensor:
-        """The log-probabilities that (…, action entries, width) scores stand for."""
-        # Over a short last axis log_softmax takes one number at a time; with the samples
-        # last it takes many at once, in a fraction of the time.
-        samples_last = scores.movedim((-2, -1), (0, 1)).contiguous()
-        return samples_last.log_softmax(1).movedim((0, 1), (-2, -1))
+    def log_probabilities(scores: Tensor) -> Tensor:
+        """What (…, action entries, width) scores stand for, normalised for each entry."""
+        return _samples_last(scores).log_softmax(1).movedim((0, 1), (-2, -1))
 
     def critic_inputs(self, inputs: Tensor, seen: Tensor | None) -> Tensor:
         """What the critic sees, (…, entries).
@@ -199,52 +212,89 @@ class ActorCritic(nn.Module):
 
     def value(self, inputs: Tensor) -> Tensor:
         """Values, (…), of (…, entries) `critic_inputs`."""
-        return self.normalised_value(inputs) * self.return_spread + self.return_mean
+        value = self.normalised_value(inputs)
+        return value * aligned(self.return_spread, value) + aligned(self.return_mean, value)
 
     def normalised_return(self, returns: Tensor) -> Tensor:
         """Returns in spreads from their mean: what `normalised_value` aims at."""
-        return (returns - self.return_mean) / self.return_spread
+        return (returns - aligned(self.return_mean, returns)) / aligned(self.return_spread, returns)
 
     @torch.no_grad()
-    def follow_returns(self, returns: Tensor, decay: float = 0.9) -> None:
-        """Move the critic's normalisation towards the mean and spread of these returns.
+    def follow_returns(self, returns: Moments, decay: float = 0.9) -> None:
+        """Move the critic's normalisation towards the mean and spread of returns, () each.
 
         The last layer is changed so that every value stays what it was (PopArt: van
         Hasselt et al., 2016); only the first call, before anything is learnt, moves them.
         """
-        decay = decay if self.return_count > 0 else 0.0
-        mean = decay * self.return_mean + (1 - decay) * returns.mean()
-        spread = decay * self.return_spread + (1 - decay) * returns.std().clamp_min(1e-4)
+        is_first = self.return_count == 0
+        decay_now = torch.where(is_first, 0.0, decay)
+        mean = decay_now * self.return_mean + (1 - decay_now) * returns.mean.float()
+        spread = returns.variance.sqrt().clamp_min(1e-4).float()
+        spread = decay_now * self.return_spread + (1 - decay_now) * spread
         last = self.critic[-1]
         assert isinstance(last, nn.Linear)
-        if self.return_count > 0:
-            last.weight *= self.return_spread / spread
-            last.bias.copy_((last.bias * self.return_spread + self.return_mean - mean) / spread)
+        factor = torch.where(is_first, 1.0, self.return_spread / spread)
+        offset = torch.where(is_first, 0.0, (self.return_mean - mean) / spread)
+        last.weight *= aligned(factor, last.weight)
+        last.bias.copy_(last.bias * aligned(factor, last.bias) + aligned(offset, last.bias))
         self.return_mean.copy_(mean)
         self.return_spread.copy_(spread)
         self.return_count += 1
 
     @staticmethod
-    def choose(scores: Tensor, noise: Tensor | None = None) -> Tensor:
-        """(…, action entries): the most probable choices.
+    def choose(scores: Tensor) -> Tensor:
+        """(…, action entries): the most probable choices."""
+        return scores.argmax(-1)
 
-        With Gumbel `noise` of the shape of the scores, these are samples.
+    @staticmethod
+    def sample(scores: Tensor, uniform: Tensor) -> tuple[Tensor, Tensor]:
+        """Choices drawn by inverting their distribution, and their log-probability.
+
+        Args:
+            scores: (…, action entries, width).
+            uniform: (…, action entries) numbers of (0, 1]. At 0 the first choice would be
+                taken even where it has no probability.
+
+        Returns:
+            (…, action entries) choices and (…) log-probabilities.
         """
-        return (scores if noise is None else scores + noise).argmax(-1)
+        probability = _samples_last(scores).softmax(1)
+        shares = probability.cumsum(1)
+        drawn = shares[:, -1:] * uniform.movedim(-1, 0).unsqueeze(1)
+        choice = (shares < drawn).sum(1, keepdim=True)
+        log_probability = probability.gather(1, choice).log_().sum((0, 1))
+        return choice.squeeze(1).movedim(0, -1), log_probability
 
     @staticmethod
     def log_probability(log_probabilities: Tensor, action: Tensor) -> Tensor:
         """(…): log-probability of (…, action entries) actions."""
         return log_probabilities.gather(-1, action.unsqueeze(-1)).squeeze(-1).sum(-1)
 
-    @staticmethod
-    def entropy(log_probabilities: Tensor) -> Tensor:
-        """(…): entropy of the policy, the sum of that of its entries."""
-        return -(log_probabilities.exp() * log_probabilities).sum((-2, -1))
+
+def stacked(networks: Sequence[ActorCritic]) -> ActorCritic:
+    """Networks of one shape as one, whose weights and buffers are (replicas, …)."""
+    result = copy.deepcopy(networks[0])
+    state = [network.state_dict() for network in networks]
+    for name, tensor in [*result.named_parameters(), *result.named_buffers()]:
+        if name in state[0]:
+            tensor.data = torch.stack([one[name] for one in state])
+    return result
 
 
-def gumbel_noise(shape: Sequence[int], generator: torch.Generator) -> Tensor:
-    """Standard Gumbel noise."""
-    uniform = torch.rand(*shape, generator=generator, device=generator.device)
-    tiny = torch.finfo(uniform.dtype).tiny
-    return -(-uniform.clamp_min(tiny).log()).clamp_min(tiny).log()
+def aligned(values: Tensor, other: Tensor) -> Tensor:
+    """Values (replicas) or () so that they multiply each replica's part of the other."""
+    return values.reshape(*values.shape, *(1,) * (other.ndim - values.ndim))
+
+
+def _samples_last(scores: Tensor) -> Tensor:
+    """(…, action entries, width) as (action entries, width, …).
+
+    Over a short last axis softmax takes one number at a time; with the samples last, as
+    they lie in memory, it takes many at once, in a fraction of the time.
+    """
+    return scores.movedim((-2, -1), (0, 1))
+
+
+def uniform_noise(shape: Sequence[int], generator: torch.Generator) -> Tensor:
+    """Numbers of (0, 1], for `ActorCritic.sample`."""
+    return 1 - torch.rand(*shape, generator=generator, device=generator.device)

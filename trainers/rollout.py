@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,13 +12,19 @@ from torch import Tensor
 
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World, node_codes, redraws_every_episode
-from trainers.networks import ActorCritic, gumbel_noise
+from trainers.group import Group
+from trainers.laps import Laps
+from trainers.networks import ActorCritic, uniform_noise
+
+#: Of which the critic judges all environments in one go: what a processor's cache holds.
+_SLOTS_AT_ONCE = 10
 
 
 @dataclass
 class Rollout:
     """A rollout, (slots, envs, auvs, …) each; `truncated` is (slots,).
 
+    With several policies side by side there is one axis more: (slots, replicas, envs, …).
     All environments start and end their episodes together, so that one flag a slot
     tells of all of them.
     """
@@ -34,8 +40,8 @@ class Rollout:
     reward: Tensor  # (slots, envs, auvs) float32, as the world gives it
     truncated: list[bool]  # (slots,): the episode ended with this slot
     next_value: Tensor  # (slots, envs, auvs): value of what followed the slot
-    episodes: list[dict[str, float]] = field(default_factory=list)  # metrics of whole episodes
-    reward_terms: dict[str, float] = field(default_factory=dict)  # mean of each term a slot
+    episodes: list[dict[str, Tensor]] = field(default_factory=list)  # metrics: mean over envs
+    reward_terms: dict[str, Tensor] = field(default_factory=dict)  # mean of each term a slot
 
 
 class Simulation:
@@ -45,37 +51,60 @@ class Simulation:
     small arrays in less time; on an accelerator it runs on torch, where the networks are.
 
     Args:
-        scenario: the scenario.
-        num_envs: environments side by side.
+        scenarios: the scenario of each policy: the same one, but for layouts that are drawn
+            once for a run.
+        num_envs: environments side by side, for each policy.
         device: where the networks are.
-        seed: seeds layouts and actions.
+        seeds: of each policy; seed its layouts and actions.
+        group: who shares the environments. Everyone draws for all of them, so that it does
+            not matter how many share.
     """
 
-    def __init__(self, scenario: Scenario, num_envs: int, device: torch.device, seed: int) -> None:
-        on_cpu = device.type == "cpu"
+    def __init__(
+        self,
+        scenarios: Sequence[Scenario],
+        num_envs: int,
+        device: torch.device,
+        seeds: Sequence[int],
+        group: Group | None = None,
+    ) -> None:
         self.device = device
+        self.group = group or Group()
+        self._scenarios = scenarios
+        self.num_envs = num_envs
+        self._own = self.group.share(num_envs)
+        own_envs = len(range(num_envs)[self._own])
+        #: Axis of the policies, where there are several.
+        self.replicas = (len(seeds),) if len(seeds) > 1 else ()
+        self._shape = (*self.replicas, own_envs)
+        on_cpu = device.type == "cpu"
         self.world = World(
-            scenario,
-            num_envs,
+            scenarios[0],
+            len(seeds) * own_envs,
             library=np if on_cpu else torch,
             dtype="float32",
             device=None if on_cpu else device,
         )
-        self.layout_rng = np.random.default_rng(seed)
-        self.generator = torch.Generator(device)
-        self.generator.manual_seed(seed)
-        self._is_central = scenario.training.critic == "central"
-        self._redraws = redraws_every_episode(scenario)
+        self.layout_rngs = [np.random.default_rng(seed) for seed in seeds]
+        self.generators = [torch.Generator(device).manual_seed(seed) for seed in seeds]
+        self._is_central = scenarios[0].training.critic == "central"
+        self._redraws = redraws_every_episode(scenarios[0])
         self.state = self._first_state()
+        self._slot = 0
 
     def _first_state(self, previous: State | None = None) -> State:
         if previous is not None and not self._redraws:
             return self.world.reset(previous.node_cell)
-        rngs: Sequence[np.random.Generator] = [self.layout_rng] * self.world.num_envs
-        return self.world.reset(node_codes(self.world.scenario, self.world.grid, rngs))
+        codes = [
+            node_codes(scenario, self.world.grid, [rng] * self.num_envs)[self._own]
+            for scenario, rng in zip(self._scenarios, self.layout_rngs, strict=True)
+        ]
+        return self.world.reset(np.concatenate(codes))
 
     def _tensor(self, array: Any, dtype: torch.dtype | None = None) -> Tensor:
-        return torch.as_tensor(array, dtype=dtype, device=self.device)
+        """(…) for (replicas · envs, …), as (replicas, envs, …) where there are several."""
+        tensor = torch.as_tensor(array, dtype=dtype, device=self.device)
+        return tensor.reshape(*self._shape, *tensor.shape[1:]) if self.replicas else tensor
 
     def observe(self) -> Tensor:
         """(envs, auvs, entries) float32."""
@@ -91,16 +120,31 @@ class Simulation:
         inputs = network.scaler(self.observe())
         return network.value(network.critic_inputs(inputs, self.observe_for_critic()))
 
+    def uniform_noise(self, slots: int) -> Tensor:
+        """What chooses the actions: (slots, envs, auvs, action entries) of (0, 1]."""
+        shape = (slots, self.num_envs, self.world.num_auvs, len(self.world.action_sizes))
+        noise = [uniform_noise(shape, generator)[:, self._own] for generator in self.generators]
+        return torch.stack(noise, dim=1) if self.replicas else noise[0]
+
     @torch.no_grad()
-    def collect(self, network: ActorCritic, slots: int, *, use_mask: bool) -> Rollout:
-        """Run the policy for `slots` slots of every environment."""
+    def collect(
+        self, network: ActorCritic, slots: int, *, use_mask: bool, laps: Laps | None = None
+    ) -> Rollout:
+        """Run the policy for `slots` slots of every environment.
+
+        Args:
+            network: the policy, or all of them.
+            slots: how long.
+            use_mask: keep to the actions that the world's mask allows.
+            laps: books the time under `environment`, `inference` and `rollout`, the rest.
+        """
         world = self.world
-        shape = (slots, world.num_envs, world.num_auvs)
+        laps = laps or Laps()
+        shape = (slots, *self._shape, world.num_auvs)
 
         def empty(*entries: int, dtype: torch.dtype = torch.float32) -> Tensor:
             return torch.empty(*shape, *entries, dtype=dtype, device=self.device)
 
-        choices, entries = sum(world.action_sizes), len(world.action_sizes)
         observed = self.observe().shape[-1]
         inputs = empty(observed)
         seen = self.observe_for_critic()
@@ -109,75 +153,114 @@ class Simulation:
             privileged=None if seen is None else empty(seen.shape[-1]),
             inputs=inputs,
             critic_inputs=inputs,
-            mask=empty(choices, dtype=torch.bool) if use_mask else None,
-            action=empty(entries, dtype=torch.int64),
-            log_probability=empty(0),
-            value=empty(0),
+            mask=empty(sum(world.action_sizes), dtype=torch.bool) if use_mask else None,
+            action=empty(len(world.action_sizes), dtype=torch.int64),
+            log_probability=empty(),
+            value=empty(),
             reward=empty(),
             truncated=[],
             next_value=empty(),
         )
-        scores = empty(entries, network.width)
-        # Drawn at once, like all that need not wait for the next slot.
-        noise = gumbel_noise(scores.shape, self.generator)
+        noise = self.uniform_noise(slots)
         terms_total: dict[str, Any] = {}
+        values_at_end: dict[int, Tensor] = {}
+        laps("rollout")
         for t in range(slots):
             observation = self.observe()
-            inputs[t] = network.scaler(observation)
-            mask = self._tensor(world.action_mask(self.state)) if use_mask else None
-            scores[t] = network.scores(inputs[t], mask)
-            action = network.choose(scores[t], noise[t])
-            rollout.observation[t] = observation
             seen = self.observe_for_critic()
+            mask = self._tensor(world.action_mask(self.state)) if use_mask else None
+            laps("environment")
+            scaled = network.scaler(observation)
+            scores = network.scores(scaled, mask)
+            action, rollout.log_probability[t] = network.sample(scores, noise[t])
+            laps("inference")
+            inputs[t] = scaled
+            rollout.observation[t] = observation
+            rollout.action[t] = action
             if rollout.privileged is not None and seen is not None:
                 rollout.privileged[t] = seen
             if rollout.mask is not None and mask is not None:
                 rollout.mask[t] = mask
-            rollout.action[t] = action
-
-            world_action = action.numpy() if world.backend.xp is np else action
-            self.state, events = world.step(self.state, world_action)
+            laps("rollout")
+            world_action = action.reshape(world.num_envs, *action.shape[-2:])
+            self.state, events = world.step(
+                self.state, world_action.numpy() if world.backend.xp is np else world_action
+            )
+            self._slot += 1
             terms = world.reward_terms(self.state, events)
             rollout.reward[t] = self._tensor(sum(terms.values()))
             for name, term in terms.items():
-                terms_total[name] = terms_total.get(name, 0.0) + term.mean()
-
-            ended = int(self.state.slot[0]) >= world.num_slots
-            rollout.truncated.append(ended)
-            if ended:
+                terms_total[name] = terms_total.get(name, 0.0) + term
+            laps("environment")
+            rollout.truncated.append(self._slot >= world.num_slots)
+            if rollout.truncated[-1]:
                 # A time limit is no end of the task: what lies beyond it still counts.
-                rollout.next_value[t] = self.value(network)
-                metrics = world.metrics(self.state)
-                rollout.episodes.append({k: float(v.mean()) for k, v in metrics.items()})
+                values_at_end[t] = self.value(network)
+                rollout.episodes.append(self._means(world.metrics(self.state)))
                 self.state = self._first_state(self.state)
-        rollout.log_probability = network.log_probability(
-            network.normalised(scores), rollout.action
-        )
-        rollout.critic_inputs = network.critic_inputs(inputs, rollout.privileged)
-        rollout.value = network.value(rollout.critic_inputs)
-        for t, ended in enumerate(rollout.truncated[:-1]):
-            if not ended:
-                rollout.next_value[t] = rollout.value[t + 1]
+                self._slot = 0
+                laps("rollout")
+        self._judge(rollout, network)
+        laps("inference")
+        rollout.next_value[:-1] = rollout.value[1:]
         if not rollout.truncated[-1]:
-            rollout.next_value[-1] = self.value(network)
-        rollout.reward_terms = {k: float(v) / slots for k, v in terms_total.items()}
+            values_at_end[slots - 1] = self.value(network)
+        for t, value in values_at_end.items():
+            rollout.next_value[t] = value
+        rollout.reward_terms = {k: v / slots for k, v in self._means(terms_total).items()}
+        laps("rollout")
         return rollout
 
-    def state_dict(self) -> dict[str, Any]:
-        """State and streams, as tensors and plain values."""
-        arrays = self.state._asdict()
+    def _judge(self, rollout: Rollout, network: ActorCritic) -> None:
+        """Fill in what the critic sees, and its values."""
+        if rollout.privileged is not None:
+            seen = self._policies_first(rollout.privileged)
+            inputs = network.critic_inputs(self._policies_first(rollout.inputs), seen)
+            rollout.critic_inputs = self._policies_first(inputs)
+        for first in range(0, len(rollout.value), _SLOTS_AT_ONCE):
+            slots = slice(first, first + _SLOTS_AT_ONCE)
+            value = network.value(self._policies_first(rollout.critic_inputs[slots]))
+            rollout.value[slots] = self._policies_first(value)
+
+    def _policies_first(self, values: Tensor) -> Tensor:
+        """(slots, replicas, …) as (replicas, slots, …), and back; as it is for a lone policy."""
+        return values.movedim(1, 0) if self.replicas else values
+
+    def _means(self, values: Mapping[str, Any]) -> dict[str, Tensor]:
+        """Mean of each of the world's (envs, …) arrays over all environments: ()."""
         return {
-            "state": {k: torch.as_tensor(v).cpu().clone() for k, v in arrays.items()},
-            "layout_rng": self.layout_rng.bit_generator.state,
-            "generator": self.generator.get_state(),
+            name: self.group.sum(
+                self._tensor(array).flatten(len(self.replicas)).mean(-1) / self.group.size
+            )
+            for name, array in values.items()
         }
 
-    def load_state_dict(self, saved: dict[str, Any]) -> None:
-        """Go on from a `state_dict`."""
+    def state_dict(self, policy: int = 0) -> dict[str, Any]:
+        """State and streams of one policy's environments, as tensors and plain values.
+
+        All of a group have to ask together; they get the same.
+        """
+        policies = (len(self.generators), self._shape[-1])
+        tensors = {k: torch.as_tensor(array) for k, array in self.state._asdict().items()}
+        whole = {
+            name: self.group.join(t.reshape(*policies, *t.shape[1:])[policy].clone()).cpu()
+            for name, t in tensors.items()
+        }
+        return {
+            "state": whole,
+            "layout_rng": self.layout_rngs[policy].bit_generator.state,
+            "generator": self.generators[policy].get_state(),
+        }
+
+    def load_state_dict(self, saved: Sequence[dict[str, Any]]) -> None:
+        """Go on from the `state_dict` of each policy."""
+        states = [one["state"] for one in saved]
+        joined = {name: torch.cat([s[name][self._own] for s in states]) for name in states[0]}
         if self.world.backend.xp is np:
-            arrays = {k: v.numpy().copy() for k, v in saved["state"].items()}
+            self.state = State(**{name: tensor.numpy() for name, tensor in joined.items()})
         else:
-            arrays = {k: v.to(self.device) for k, v in saved["state"].items()}
-        self.state = State(**arrays)
-        self.layout_rng.bit_generator.state = saved["layout_rng"]
-        self.generator.set_state(saved["generator"])
+            self.state = State(**{name: t.to(self.device) for name, t in joined.items()})
+        self._slot = int(self.state.slot[0])
+        for one, rng, generator in zip(saved, self.layout_rngs, self.generators, strict=True):
+            rng.bit_generator.state = one["layout_rng"]
+            generator.set_state(one["generator"])

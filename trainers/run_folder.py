@@ -34,7 +34,7 @@ from trainers.ppo import Trainer, make_network
 from trainers.trained import TrainedPolicy
 
 #: Changes whenever older files can no longer be read.
-FORMAT = 1
+FORMAT = 2
 #: Files that a new run must not replace; logs without them are of a run that never saved.
 RESULTS = ("checkpoint.pt", "policy.safetensors", "policy.json", "result.json")
 
@@ -93,33 +93,38 @@ class RunFolder:
             raise InputError(f"{self.path}: holds no run: there is no scenario.yaml in it")
         return load_scenario(path.resolve())
 
-    def save(self, trainer: Trainer, source: Scenario) -> None:
+    def save(
+        self, trainer: Trainer, state: dict[str, Any], source: Scenario, policy: int = 0
+    ) -> None:
         """Save checkpoint and policy.
 
         Args:
             trainer: what to save.
+            state: its `state_dict` of the policy.
             source: the scenario before its layout was pinned.
+            policy: which of the trainer's.
 
         Raises:
             InputError: a file can not be written; the last good one stands.
         """
+        scenario = trainer.scenarios[policy]
         checkpoint = {
             "format": FORMAT,
             "world_version": WORLD_VERSION,
-            "world_hash": trainer.scenario.world_hash,
-            "trainer": trainer.state_dict(),
+            "world_hash": scenario.world_hash,
+            "trainer": state,
         }
         buffer = io.BytesIO()
         torch.save(checkpoint, buffer)
         write_atomically(self.checkpoint_path, buffer.getvalue())
-        weights = {k: v.contiguous().cpu() for k, v in trainer.network.state_dict().items()}
+        weights = {k: v.contiguous().cpu() for k, v in state["network"].items()}
         world = trainer.simulation.world
         shape = {
             "format": FORMAT,
             "world_version": WORLD_VERSION,
-            "scenario": trainer.scenario.name,
-            "scenario_hash": trainer.scenario.hash,
-            "world_hash": trainer.scenario.world_hash,
+            "scenario": scenario.name,
+            "scenario_hash": scenario.hash,
+            "world_hash": scenario.world_hash,
             "source_world_hash": source.world_hash,
             "env_steps": trainer.env_steps,
             "num_auvs": world.num_auvs,

@@ -20,6 +20,7 @@ import iout_marl
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.scenario import Scenario
+from trainers.group import Group, LostProcessError
 from trainers.logs import TrainingLog
 from trainers.ppo import Trainer
 from trainers.run_folder import RunFolder, readable
@@ -30,13 +31,23 @@ CHANGEABLE = ("training.steps", "training.checkpoint_steps")
 
 @dataclass(frozen=True)
 class TrainingOutcome:
-    """How a training ended."""
+    """How a training ended; with several policies, each has a run and an evaluation."""
 
-    run: RunFolder
+    runs: list[RunFolder]
     trainer: Trainer
     finished: bool
     seconds: float
-    evaluation: Evaluation | None
+    evaluations: list[Evaluation]  # none where it was stopped, or of another process
+
+    @property
+    def run(self) -> RunFolder:
+        """The run of the first policy."""
+        return self.runs[0]
+
+    @property
+    def evaluation(self) -> Evaluation | None:
+        """The evaluation of the first policy."""
+        return self.evaluations[0] if self.evaluations else None
 
 
 def find_device(name: str) -> torch.device:
@@ -70,81 +81,139 @@ def train(
     console: Console | None = None,
     evaluation_episodes: int = 100,
     catch_signals: bool = True,
+    replicas: int = 1,
+    group: Group | None = None,
 ) -> TrainingOutcome:
-    """Train a policy, and evaluate it at the end.
+    """Train a policy, or several side by side, and evaluate at the end.
 
     Args:
         scenario: what to train on, and how.
-        out: the run's folder.
+        out: the run's folder; of several policies, that of their folders, `seed-N` each.
         seed: seeds the training; a resumed one goes on with its own.
         device: where to train.
-        resume: go on with the run in `out`.
+        resume: go on with the run, or the runs, in `out`.
         console: where the progress goes; standard error by default.
         evaluation_episodes: episodes of the final evaluation.
         catch_signals: on SIGINT and SIGTERM, finish the running iteration and save everything,
             so that the training can be resumed. Otherwise they have their usual effect.
+        replicas: how many policies, from the seed on; a resumed training has those it had.
+        group: the processes that train together, each of which calls this; the first one
+            writes and evaluates.
 
     Raises:
         InputError: `out` holds a run already (or, to resume, none, or one of another
-            scenario), or can not be written.
+            scenario), or can not be written; or another process of the group was lost.
     """
     started = time.perf_counter()
     console = console or Console(stderr=True)
-    run = RunFolder(out)
-    trainer, source = (
-        _resumed(run, scenario, torch.device(device))
-        if resume
-        else (Trainer(scenario, seed, device), scenario)
-    )
-    if not resume:
-        run.create(trainer.scenario)
+    group = group or Group()
+    if resume:
+        runs = _runs_in(out)
+        trainer = _resumed(runs, scenario, torch.device(device), group)
+    else:
+        trainer = Trainer(scenario, seed, device, replicas, group)
+        names = [f"seed-{each}" for each in trainer.seeds] if replicas > 1 else ["."]
+        runs = [RunFolder(out / name) for name in names]
+    writes = group.rank == 0
+    if writes and not resume:
+        for run, pinned in zip(runs, trainer.scenarios, strict=True):
+            run.create(pinned)
+    steps = trainer.settings.steps
     with (
-        TrainingLog(run, scenario.name, trainer.settings.steps, trainer.env_steps, console) as log,
-        _stop_signals(catch=catch_signals) as stop,
+        TrainingLog(
+            runs if writes else [], scenario.name, steps, trainer.env_steps, console
+        ) as log,
+        _stop_signals(catch=catch_signals) as signals,
     ):
         saved_at = trainer.env_steps
-        while not trainer.finished and not stop:
-            figures = trainer.iterate()
-            log.write(trainer.env_steps, figures)
-            if not math.isfinite(figures["ppo/loss"] + figures["ppo/gradient_norm"]):
-                raise InputError(
-                    f"{run.path}: training diverged after {trainer.env_steps:,} environment "
-                    f"steps; the checkpoint of {saved_at:,} steps stands"
-                )
-            if trainer.env_steps - saved_at >= trainer.settings.checkpoint_steps:
-                run.save(trainer, source)
-                saved_at = trainer.env_steps
-        run.save(trainer, source)
-    evaluation = None
+        try:
+            # Only together: a process alone would wait for the others without end.
+            while not trainer.finished and not group.any(bool(signals)):
+                figures = trainer.iterate_all()
+                log.write(trainer.env_steps, figures)
+                _check_finite(figures, runs, trainer.env_steps, saved_at)
+                if trainer.env_steps - saved_at >= trainer.settings.checkpoint_steps:
+                    _save(runs, trainer, scenario)
+                    saved_at = trainer.env_steps
+            _save(runs, trainer, scenario)
+        except LostProcessError as error:
+            stands = f"the checkpoint of {saved_at:,} steps stands" if saved_at else "nothing saved"
+            raise InputError(
+                f"{out}: {error} after {trainer.env_steps:,} environment steps; {stands}"
+            ) from None
     seconds = time.perf_counter() - started
-    if trainer.finished:
-        evaluation = evaluate(trainer.scenario, run.load_policy(), evaluation_episodes, seed=0)
-        run.write_text("result.json", _result(trainer, evaluation, seconds))
-    return TrainingOutcome(run, trainer, trainer.finished, seconds, evaluation)
+    evaluations = []
+    if trainer.finished and writes:
+        for i, (run, pinned) in enumerate(zip(runs, trainer.scenarios, strict=True)):
+            evaluation = evaluate(pinned, run.load_policy(), evaluation_episodes, seed=0)
+            run.write_text("result.json", _result(trainer, i, evaluation, seconds))
+            evaluations.append(evaluation)
+    return TrainingOutcome(runs, trainer, trainer.finished, seconds, evaluations)
 
 
-def _resumed(run: RunFolder, scenario: Scenario, device: torch.device) -> tuple[Trainer, Scenario]:
-    own = run.scenario()
-    saved = run.load_checkpoint(device)
-    with readable(run.checkpoint_path):
-        seed = int(saved["seed"])
-    wanted = Trainer(scenario, seed, device)
-    strange = [k for k in differences(own, wanted.scenario) if k not in CHANGEABLE]
-    if strange:
+def _save(runs: list[RunFolder], trainer: Trainer, source: Scenario) -> None:
+    """Save every policy: all processes gather what the first one writes."""
+    for i, run in enumerate(runs):
+        state = trainer.state_dict(i)
+        if trainer.group.rank == 0:
+            run.save(trainer, state, source, i)
+
+
+def _check_finite(
+    figures: list[dict[str, float]], runs: list[RunFolder], env_steps: int, saved_at: int
+) -> None:
+    for run, log in zip(runs, figures, strict=True):
+        if not math.isfinite(log["ppo/loss"] + log["ppo/gradient_norm"]):
+            raise InputError(
+                f"{run.path}: training diverged after {env_steps:,} environment "
+                f"steps; the checkpoint of {saved_at:,} steps stands"
+            )
+
+
+def _runs_in(out: Path) -> list[RunFolder]:
+    """The run in a folder, or those of several policies in its subfolders."""
+    several = out.glob("seed-*/scenario.yaml")
+    if (out / "scenario.yaml").is_file() or not any(several):
+        return [RunFolder(out)]
+    seeds = sorted(
+        int(path.parent.name.removeprefix("seed-")) for path in out.glob("seed-*/scenario.yaml")
+    )
+    return [RunFolder(out / f"seed-{seed}") for seed in seeds]
+
+
+def _resumed(
+    runs: list[RunFolder], scenario: Scenario, device: torch.device, group: Group
+) -> Trainer:
+    scenarios = [run.scenario() for run in runs]
+    saved = [run.load_checkpoint(device) for run in runs]
+    with readable(runs[0].checkpoint_path):
+        seeds = [int(one["seed"]) for one in saved]
+        stands = {int(one["env_steps"]) for one in saved}
+    if seeds != list(range(seeds[0], seeds[0] + len(seeds))) or len(stands) > 1:
         raise InputError(
-            f"{run.path}: is a run of another scenario, {own.name}: {strange[0]} differs"
+            f"{runs[0].path.parent}: these runs have not come equally far, or some are missing; "
+            "go on with each by its own folder"
         )
-    with readable(run.checkpoint_path):
-        wanted.load_state_dict(saved)
-    if wanted.settings.steps < wanted.env_steps:
+    trainer = Trainer(scenario, seeds[0], device, len(seeds), group)
+    for run, own, wanted in zip(runs, scenarios, trainer.scenarios, strict=True):
+        strange = [k for k in differences(own, wanted) if k not in CHANGEABLE]
+        if strange:
+            raise InputError(
+                f"{run.path}: is a run of another scenario, {own.name}: {strange[0]} differs"
+            )
+    with readable(runs[0].checkpoint_path):
+        trainer.load_state_dict(*saved)
+    if trainer.settings.steps < trainer.env_steps:
         raise InputError(
-            f"{run.path}: has taken {wanted.env_steps:,} steps already, more than the "
-            f"{wanted.settings.steps:,} of training.steps"
+            f"{runs[0].path}: has taken {trainer.env_steps:,} steps already, more than the "
+            f"{trainer.settings.steps:,} of training.steps"
         )
-    run.write_scenario(wanted.scenario)
-    if not wanted.finished:
-        (run.path / "result.json").unlink(missing_ok=True)  # of a shorter training
-    return wanted, scenario
+    if group.rank == 0:
+        for run, wanted in zip(runs, trainer.scenarios, strict=True):
+            run.write_scenario(wanted)
+            if not trainer.finished:
+                (run.path / "result.json").unlink(missing_ok=True)  # of a shorter training
+    return trainer
 
 
 def differences(first: Scenario, second: Scenario) -> list[str]:
@@ -163,12 +232,12 @@ def differences(first: Scenario, second: Scenario) -> list[str]:
     return [key for key in {**a, **b} if a.get(key) != b.get(key)]
 
 
-def _result(trainer: Trainer, evaluation: Evaluation, seconds: float) -> str:
+def _result(trainer: Trainer, policy: int, evaluation: Evaluation, seconds: float) -> str:
     result = {
         "version": iout_marl.__version__,
         "torch": torch.__version__,
         "device": str(trainer.device),
-        "seed": trainer.seed,
+        "seed": trainer.seeds[policy],
         "env_steps": trainer.env_steps,
         "seconds": round(seconds, 3),
         "evaluation": evaluation.to_json(),

@@ -42,8 +42,8 @@ class TrainedPolicy:
         if self.use_mask:
             mask = torch.as_tensor(world.action_mask(state), device=device)
         scores = self.network.scores(self.network.scaler(observation), mask)
-        noise = None
-        if self.stochastic:
-            noise = torch.as_tensor(rng.gumbel(size=scores.shape), dtype=torch.float32)
-            noise = noise.to(device)
-        return self.network.choose(scores, noise).cpu().numpy()
+        if not self.stochastic:
+            return self.network.choose(scores).cpu().numpy()
+        noise = 1 - rng.random(scores.shape[:-1], dtype=np.float32)
+        action, _ = self.network.sample(scores, torch.as_tensor(noise, device=device))
+        return action.cpu().numpy()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from trainers.ppo import RewardScale, advantages
+from trainers.returns import RewardScale, advantages
 
 
 def slow_advantages(reward, value, next_value, truncated, discount, gae_lambda):
@@ -85,7 +85,7 @@ def test_first_rollout_sets_the_divisor_for_good():
     scale = RewardScale("first_rollout", 0.9)
     scale.update(rewards(), [False] * 12)
     first = scale.divisor
-    assert first == pytest.approx(rewards().numpy().std())
+    assert first.item() == pytest.approx(rewards().numpy().std())
     scale.update(100 * rewards(seed=1), [False] * 12)
     assert scale.divisor == first
 
@@ -101,7 +101,7 @@ def test_running_divisor_is_the_spread_of_all_discounted_returns():
             running = 0.9 * running + reward
             seen.append(running)
             running = np.zeros((4, 2)) if ended else running
-    assert scale.divisor == pytest.approx(np.std(seen))
+    assert scale.divisor.item() == pytest.approx(np.std(seen))
 
 
 @pytest.mark.parametrize("kind", ["first_rollout", "running"])
@@ -117,7 +117,7 @@ def test_scale_goes_on_from_its_state(kind):
     for scale in (whole, first):
         scale.update(rewards(), [False] * 12)
     second = RewardScale(kind, 0.9)
-    second.load_state_dict(first.state_dict(), torch.device("cpu"))
+    second.load_state_dict([first.state_dict()])
     for scale in (whole, second):
         scale.update(rewards(seed=1), [False] * 11 + [True])
     assert second.state_dict()["moments"] == whole.state_dict()["moments"]

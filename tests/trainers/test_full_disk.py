@@ -79,10 +79,10 @@ def test_checkpoint_saved_before_stands_and_training_goes_on_from_it(
     folder, save = tmp_path / "run", RunFolder.save
     saved = []
 
-    def save_twice(run, trainer, source):
+    def save_twice(run, *what):
         if len(saved) == 1:
             fill_disk()
-        save(run, trainer, source)
+        save(run, *what)
         saved.append((folder / "checkpoint.pt").read_bytes())
 
     monkeypatch.setattr(RunFolder, "save", save_twice)

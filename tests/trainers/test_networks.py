@@ -8,7 +8,9 @@ from torch.distributions import Categorical
 
 from iout_marl import evaluate
 from trainers import Trainer, train
-from trainers.networks import ActorCritic, Scaler, gumbel_noise
+from trainers.group import Group
+from trainers.moments import Moments
+from trainers.networks import ActorCritic, Scaler, uniform_noise
 
 SIZES = (6, 3, 2)
 
@@ -39,6 +41,11 @@ MASKS = {
 }
 
 
+def moments(values):
+    """Of (…, entries) values, over all but the entries."""
+    return Moments.of(values, tuple(range(values.ndim - 1)), Group())
+
+
 def distributions(net, x, mask):
     """One torch distribution for each entry, from the same network."""
     flat = net.actor(x).unflatten(-1, (len(SIZES), -1))
@@ -54,23 +61,15 @@ def distributions(net, x, mask):
 class TestAgainstCategorical:
     def test_log_probability(self, mask, activation):
         net, x = network(activation), inputs(50, 2)
-        ours = net.log_probabilities(x, mask)
+        ours = net.log_probabilities(net.scores(x, mask))
         theirs = distributions(net, x, mask)
         action = torch.stack([d.sample() for d in theirs], -1)
         expected = sum(d.log_prob(a) for d, a in zip(theirs, action.unbind(-1), strict=True))
         torch.testing.assert_close(net.log_probability(ours, action), expected)
 
-    def test_entropy(self, mask, activation):
-        net, x = network(activation), inputs(50, 2)
-        expected = sum(
-            -(d.probs * d.probs.clamp_min(1e-30).log()).sum(-1) for d in distributions(net, x, mask)
-        )
-        found = net.entropy(net.log_probabilities(x, mask))
-        torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-5)
-
     def test_probabilities_of_each_entry(self, mask, activation):
         net, x = network(activation), inputs(7)
-        found = net.log_probabilities(x, mask).exp()
+        found = net.log_probabilities(net.scores(x, mask)).exp()
         assert torch.allclose(found.sum(-1), torch.ones(7, 3))
         for i, expected in enumerate(distributions(net, x, mask)):
             torch.testing.assert_close(found[:, i, : SIZES[i]], expected.probs)
@@ -86,49 +85,50 @@ class TestAgainstCategorical:
 def test_mask_differs_by_row():
     net, x = network(), inputs(2, 1)
     mask = torch.stack([MASKS["some"], MASKS["one each"]])[:, None]
-    together = net.log_probabilities(x, mask)
+    together = net.log_probabilities(net.scores(x, mask))
     for row in range(2):
-        torch.testing.assert_close(
-            together[row], net.log_probabilities(x[row], mask[row]), rtol=1e-6, atol=1e-6
-        )
+        alone = net.log_probabilities(net.scores(x[row], mask[row]))
+        torch.testing.assert_close(together[row], alone, rtol=1e-6, atol=1e-6)
 
 
 def test_masked_choices_are_never_drawn_and_have_zero_probability():
     net, x = network(), inputs(1).expand(20_000, 4)
-    noise = gumbel_noise((20_000, 3, 6), torch.Generator().manual_seed(0))
+    noise = uniform_noise((20_000, 3), torch.Generator().manual_seed(0))
+    noise[:2] = torch.tensor([[2.0**-24], [1.0]])  # the ends of what may be drawn
     mask = MASKS["some"]
-    action = net.choose(net.scores(x, mask), noise)
+    action, log_probability = net.sample(net.scores(x, mask), noise)
     allowed = mask.split(SIZES)
     for i, entry in enumerate(action.unbind(-1)):
         assert allowed[i][entry].all()
-    probabilities = net.log_probabilities(x[:1], mask).exp()[0]
+    policy = net.log_probabilities(net.scores(x, mask))
+    torch.testing.assert_close(log_probability, net.log_probability(policy, action))
     for i, size in enumerate(SIZES):
-        assert (probabilities[i, :size][~allowed[i]] == 0).all()
+        assert (policy[0].exp()[i, :size][~allowed[i]] == 0).all()
 
 
-def test_gumbel_samples_follow_the_probabilities():
+def test_samples_follow_the_probabilities():
     net, x = network(), inputs(1)
     draws = 20_000
-    noise = gumbel_noise((draws, 3, 6), torch.Generator().manual_seed(0))
-    action = net.choose(net.scores(x).expand(draws, 3, 6), noise)
+    noise = uniform_noise((draws, 3), torch.Generator().manual_seed(0))
+    action, _ = net.sample(net.scores(x).expand(draws, 3, 6), noise)
     for i, expected in enumerate(distributions(net, x, None)):
         counts = np.bincount(action[:, i].numpy(), minlength=SIZES[i])
         probabilities = expected.probs[0].detach().double().numpy()
         assert chisquare(counts, draws * probabilities / probabilities.sum()).pvalue > 1e-3
 
 
-def test_gumbel_noise_is_finite_and_seeded():
-    first, second = (gumbel_noise((10**6,), torch.Generator().manual_seed(5)) for _ in range(2))
+def test_noise_is_seeded_and_never_0():
+    first, second = (uniform_noise((10**6,), torch.Generator().manual_seed(5)) for _ in range(2))
     assert torch.equal(first, second)
-    assert first.isfinite().all()
-    assert first.mean().item() == pytest.approx(np.euler_gamma, abs=0.01)
-    assert first.var().item() == pytest.approx(np.pi**2 / 6, abs=0.02)
+    assert first.min() > 0
+    assert first.max() <= 1
+    assert first.mean().item() == pytest.approx(0.5, abs=0.01)
 
 
 def test_untrained_policy_is_all_but_uniform():
     torch.manual_seed(0)
     net = ActorCritic(Scaler(torch.zeros(4), torch.ones(4), 10.0), SIZES, (64, 64), "tanh")
-    found = net.log_probabilities(inputs(100)).exp()
+    found = net.log_probabilities(net.scores(inputs(100))).exp()
     for i, size in enumerate(SIZES):
         assert (found[:, i, :size] - 1 / size).abs().max() < 0.02
 
@@ -151,28 +151,30 @@ def test_value_in_the_units_of_returns():
 def test_following_returns_preserves_all_values():
     net, x = network(), inputs(200)
     rng = np.random.default_rng(0)
-    net.follow_returns(torch.from_numpy(rng.normal(-30, 5, 1000)).float())
+    net.follow_returns(Moments.of(torch.from_numpy(rng.normal(-30, 5, 1000)), (0,), Group()))
     for mean, spread in ((-30, 5), (-10, 1), (50, 20), (0, 1e-3)):
         before = net.value(x)
-        net.follow_returns(torch.from_numpy(rng.normal(mean, spread, 1000)).float())
+        net.follow_returns(
+            Moments.of(torch.from_numpy(rng.normal(mean, spread, 1000)), (0,), Group())
+        )
         torch.testing.assert_close(net.value(x), before, rtol=1e-4, atol=1e-3)
 
 
 def test_following_returns_starts_at_the_first_and_moves_by_a_tenth():
     net = network()
-    net.follow_returns(torch.tensor([1.0, 3.0]))
+    net.follow_returns(Moments.of(torch.tensor([1.0, 3.0]), (0,), Group()))
     assert net.return_mean.item() == 2
-    assert net.return_spread.item() == pytest.approx(2**0.5)
-    net.follow_returns(torch.tensor([12.0, 12.0]))
+    assert net.return_spread.item() == pytest.approx(1)
+    net.follow_returns(Moments.of(torch.tensor([12.0, 12.0]), (0,), Group()))
     assert net.return_mean.item() == pytest.approx(3)
-    assert net.return_spread.item() == pytest.approx(0.9 * 2**0.5 + 0.1 * 1e-4)
+    assert net.return_spread.item() == pytest.approx(0.9 + 0.1 * 1e-4)
 
 
 def test_fixed_scaler_shifts_divides_and_clamps():
     scaler = Scaler(torch.tensor([1.0, 0.0]), torch.tensor([2.0, 0.5]), 4.0)
     found = scaler(torch.tensor([[3.0, 1.0], [-99.0, 99.0]]))
     assert found.tolist() == [[1, 2], [-4, 4]]
-    scaler.update(torch.randn(100, 2))
+    scaler.update(moments(torch.randn(100, 2)))
     assert scaler.shift.tolist() == [1, 0]
 
 
@@ -185,7 +187,7 @@ def test_running_scaler_has_mean_and_variance_of_all_it_saw(shapes):
     batches = [rng.normal(size=(*shape, 3)) * factor + offset for shape in shapes]
     scaler = Scaler(torch.zeros(3), torch.ones(3), 10.0, running=True)
     for batch in batches:
-        scaler.update(torch.from_numpy(batch).float())
+        scaler.update(moments(torch.from_numpy(batch)))
     seen = np.concatenate([b.reshape(-1, 3) for b in batches])
     assert scaler.shift.numpy() == pytest.approx(seen.mean(0), rel=1e-4, abs=1e-4)
     assert scaler.scale.numpy() == pytest.approx(seen.std(0), rel=1e-3, abs=1e-3)
@@ -195,7 +197,7 @@ def test_running_scaler_has_mean_and_variance_of_all_it_saw(shapes):
 def test_entry_that_never_changes_is_not_divided_by_zero():
     scaler = Scaler(torch.zeros(1), torch.ones(1), 10.0, running=True)
     for _ in range(3):
-        scaler.update(torch.full((10, 1), 3.0))
+        scaler.update(moments(torch.full((10, 1), 3.0)))
     assert scaler(torch.tensor([3.0])).item() == 0
     assert scaler(torch.tensor([4.0])).item() == 10
 
@@ -203,7 +205,7 @@ def test_entry_that_never_changes_is_not_divided_by_zero():
 def test_scaler_travels_with_the_weights():
     net = network()
     net.scaler.running = True
-    net.scaler.update(inputs(100) * 3 + 1)
+    net.scaler.update(moments(inputs(100) * 3 + 1))
     other = network()
     other.load_state_dict(net.state_dict())
     assert torch.equal(other.scaler(inputs(5)), net.scaler(inputs(5)))
@@ -247,7 +249,7 @@ class TestNodeNetwork:
         scaler = Scaler(torch.zeros(21), torch.ones(21), 10.0)
         entries = (slice(3, 12), slice(12, 21))
         net = ActorCritic(scaler, (6, 9), (8,), "tanh", node_entries=entries)
-        policy = net.log_probabilities(torch.randn(4, 21)).exp()
+        policy = net.log_probabilities(net.scores(torch.randn(4, 21))).exp()
         assert policy.shape == (4, 2, 9)
         torch.testing.assert_close(policy[:, 0, :6].sum(-1), torch.ones(4))
         torch.testing.assert_close(policy[:, 1].sum(-1), torch.ones(4))

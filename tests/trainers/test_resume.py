@@ -66,7 +66,7 @@ def run(tiny):
 @pytest.fixture
 def interrupt(monkeypatch):
     """Lets something happen at the end of a certain iteration, once."""
-    iterate = Trainer.iterate
+    iterate = Trainer.iterate_all
 
     def at(number, happens):
         left = [number]
@@ -78,7 +78,7 @@ def interrupt(monkeypatch):
                 happens()
             return log
 
-        monkeypatch.setattr(Trainer, "iterate", iterate_and_stop)
+        monkeypatch.setattr(Trainer, "iterate_all", iterate_and_stop)
 
     return at
 

@@ -40,7 +40,7 @@ def setup(request, tiny):
 
 
 def simulation_of(scenario, seed=4):
-    simulation = Simulation(scenario, ENVS, torch.device("cpu"), seed)
+    simulation = Simulation([scenario], ENVS, torch.device("cpu"), [seed])
     torch.manual_seed(0)
     world = simulation.world
     network = make_network(world.observer, world.action_sizes, scenario.training)
@@ -108,7 +108,7 @@ def test_equals_a_replay(setup, slots):
         torch.testing.assert_close(rollout.reward, reward, rtol=1e-6, atol=1e-6)
         assert rollout.truncated == list(ended)
         with torch.no_grad():
-            policy = network.log_probabilities(network.scaler(observation))
+            policy = network.log_probabilities(network.scores(network.scaler(observation)))
             expected = network.log_probability(policy, rollout.action)
             torch.testing.assert_close(rollout.log_probability, expected)
             torch.testing.assert_close(rollout.value, value(network, observation, state))
@@ -197,7 +197,7 @@ def test_masked_actions_are_never_taken(tiny, changes):
     for mask, choice in zip(masks, rollout.action.unbind(-1), strict=True):
         assert mask.gather(-1, choice[..., None]).all()
     with torch.no_grad():
-        policy = network.log_probabilities(rollout.inputs, rollout.mask)
+        policy = network.log_probabilities(network.scores(rollout.inputs, rollout.mask))
     expected = network.log_probability(policy, rollout.action)
     torch.testing.assert_close(rollout.log_probability, expected)
 
@@ -213,7 +213,7 @@ def test_simulation_goes_on_from_its_state(tiny):
     whole, network = simulation_of(tiny(RANDOM_NODES))
     whole.collect(network, 13, use_mask=False)
     other, _ = simulation_of(tiny(RANDOM_NODES), seed=99)
-    other.load_state_dict(whole.state_dict())
+    other.load_state_dict([whole.state_dict()])
     for slots in (13, 13):
         first = whole.collect(network, slots, use_mask=False)
         second = other.collect(network, slots, use_mask=False)

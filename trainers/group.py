@@ -1,0 +1,128 @@
+"""The processes that train one policy together; one alone is the smallest group."""
+
+from __future__ import annotations
+
+import datetime as dt
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import torch
+from torch import Tensor, distributed
+
+from iout_marl.errors import InputError
+
+#: How long a process waits for the others: longer than the first one takes to save.
+PATIENCE = dt.timedelta(minutes=5)
+
+
+class LostProcessError(Exception):
+    """Another process of the group is gone."""
+
+
+class Group:
+    """Processes that each run a share of the environments: here, the only one.
+
+    Attributes:
+        rank: which one this is, 0 the first.
+        size: how many there are.
+    """
+
+    rank = 0
+    size = 1
+
+    def share(self, count: int) -> slice:
+        """Which of `count` things, a multiple of `size`, are this process's."""
+        part = count // self.size
+        return slice(self.rank * part, (self.rank + 1) * part)
+
+    def sum(self, tensor: Tensor) -> Tensor:
+        """The sum of every process's tensor, the same in all; may be written into it."""
+        return tensor
+
+    def sum_all(self, tensors: Sequence[Tensor]) -> None:
+        """Put into each tensor the sum of every process's."""
+
+    def any(self, flag: bool) -> bool:  # noqa: FBT001
+        """Whether any process's flag is set, the same in all."""
+        return flag
+
+    def join(self, tensor: Tensor) -> Tensor:
+        """The tensors of all processes, one after the other along the first axis."""
+        return tensor
+
+
+class DistributedGroup(Group):
+    """Processes that `torchrun` has started, over `torch.distributed`.
+
+    Args:
+        device: where their tensors are.
+    """
+
+    def __init__(self, device: torch.device) -> None:
+        self.rank = distributed.get_rank()
+        self.size = distributed.get_world_size()
+        self._device = device
+
+    def sum(self, tensor: Tensor) -> Tensor:
+        with _told_plainly():
+            distributed.all_reduce(tensor)
+        return tensor
+
+    def sum_all(self, tensors: Sequence[Tensor]) -> None:
+        # One message costs less than many.
+        total = self.sum(torch.cat([tensor.flatten() for tensor in tensors]))
+        parts = torch.split(total, [tensor.numel() for tensor in tensors])
+        for tensor, part in zip(tensors, parts, strict=True):
+            tensor.copy_(part.view_as(tensor))
+
+    def any(self, flag: bool) -> bool:  # noqa: FBT001
+        return bool(self.sum(torch.tensor(float(flag), device=self._device)) > 0)
+
+    def join(self, tensor: Tensor) -> Tensor:
+        here = tensor.to(self._device).contiguous()
+        parts = [torch.empty_like(here) for _ in range(self.size)]
+        with _told_plainly():
+            distributed.all_gather(parts, here)
+        return torch.cat(parts)
+
+
+@contextmanager
+def _told_plainly() -> Iterator[None]:
+    try:
+        yield
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[0]
+        raise LostProcessError(f"another process of the training was lost ({reason})") from None
+
+
+@contextmanager
+def started_group(device: torch.device) -> Iterator[tuple[Group, torch.device]]:
+    """The group that this process was started in, and the device that is its own.
+
+    `torchrun` tells by environment variables: without them, a process is alone.
+
+    Args:
+        device: where to train; of several GPUs each process takes one.
+
+    Raises:
+        InputError: there are more processes than GPUs on this machine.
+    """
+    if int(os.environ.get("WORLD_SIZE", "1")) == 1:
+        yield Group(), device
+        return
+    on_gpu = device.type == "cuda"
+    if on_gpu:
+        local_rank = int(os.environ["LOCAL_RANK"])
+        if local_rank >= torch.cuda.device_count():
+            raise InputError(
+                f"--nproc-per-node: more processes than the {torch.cuda.device_count()} GPUs of "
+                "this machine; start as many, or train on --device cpu"
+            )
+        device = torch.device("cuda", local_rank)
+        torch.cuda.set_device(device)
+    distributed.init_process_group("nccl" if on_gpu else "gloo", timeout=PATIENCE)
+    try:
+        yield DistributedGroup(device), device
+    finally:
+        distributed.destroy_process_group()

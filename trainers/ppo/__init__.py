@@ -1,0 +1,427 @@
+"""Proximal policy optimisation (Schulman et al., 2017) on the batched world.
+
+The loop, top to bottom: `Trainer.iterate` collects a rollout, estimates advantages and
+takes the clipped-surrogate steps. Every setting is explained in
+`iout_marl.scenario.Training`; every quantity that is logged, in `Trainer.iterate`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from iout_marl.errors import InputError
+from iout_marl.scenario import Scenario, Training
+from iout_marl.world import pin_layout
+from iout_marl.world.observation import Observer, Ranges
+from trainers.functions import policy_loss
+from trainers.group import Group
+from trainers.laps import Laps
+from trainers.moments import Moments
+from trainers.networks import ActorCritic, Scaler, aligned, stacked
+from trainers.returns import RewardScale, advantages
+from trainers.rollout import Rollout, Simulation
+
+
+class Trainer:
+    """Trains one policy, shared by all AUVs, on a scenario; or several side by side.
+
+    Several policies (`replicas`) are trained in one batch, each from a seed of its own,
+    as each would be trained alone: their weights, environments and minibatches have nothing
+    to do with one another.
+
+    Args:
+        scenario: the scenario; its `training` section has the settings. A layout that
+            is drawn once for a run is drawn from the seed.
+        seed: seeds weights, layouts, actions and minibatches; the i-th policy's is seed + i.
+        device: where to train.
+        replicas: how many policies.
+        group: the processes that share the environments.
+
+    Attributes:
+        seeds: of each policy.
+        scenarios: the scenario of each policy, its layout pinned.
+        network: actor and critic, `stacked` where there are several.
+        env_steps: environment steps taken so far, for each policy.
+
+    Raises:
+        InputError: settings that several policies or processes can not be trained with.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        seed: int = 0,
+        device: str | torch.device = "cpu",
+        replicas: int = 1,
+        group: Group | None = None,
+    ) -> None:
+        self.group = group or Group()
+        self.seeds = range(seed, seed + replicas)
+        self.scenarios = [pin_layout(scenario, each) for each in self.seeds]
+        self.settings: Training = scenario.training
+        _check_shares(self.settings, replicas, self.group)
+        self.device = torch.device(device)
+        self.simulation = Simulation(
+            self.scenarios, self.settings.environments, self.device, self.seeds, self.group
+        )
+        self._axes = len(self.simulation.replicas)
+        self.network = self._make_network().to(self.device)
+        self.optimizer = torch.optim.Adam(
+            self.network.parameters(),
+            lr=self.settings.learning_rate,
+            eps=self.settings.adam_epsilon,
+            fused=True,
+        )
+        self.reward_scale = RewardScale(
+            self.settings.reward_scaling,
+            self.settings.discount,
+            self.simulation.replicas,
+            self.group,
+            self.device,
+        )
+        self.env_steps = 0
+
+    def _make_network(self) -> ActorCritic:
+        world = self.simulation.world
+        networks = []
+        for seed in self.seeds:
+            # Weights come from torch's global generator, which is put back as it was.
+            with torch.random.fork_rng(devices=[]):
+                torch.default_generator.manual_seed(seed)
+                networks.append(make_network(world.observer, world.action_sizes, self.settings))
+        return stacked(networks) if len(networks) > 1 else networks[0]
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario of the first policy."""
+        return self.scenarios[0]
+
+    @property
+    def steps_per_iteration(self) -> int:
+        """Environment steps of a rollout, for each policy."""
+        return self.settings.environments * self.settings.rollout_slots
+
+    @property
+    def finished(self) -> bool:
+        """Whether the scenario's number of steps has been taken."""
+        return self.env_steps >= self.settings.steps
+
+    def iterate(self) -> dict[str, float]:
+        """`iterate_all` for a lone policy."""
+        (log,) = self.iterate_all()
+        return log
+
+    def iterate_all(self) -> list[dict[str, float]]:
+        """One iteration: a rollout, and the epochs of learning from it.
+
+        Returns:
+            what there is to log of each policy, by TensorBoard tag:
+
+            - `aoi/…`, `fairness/…`, `energy/…`, `uplink/…`, `constraints/…`: metrics of
+              the episodes that ended in the rollout, as in `World.metrics`;
+            - `reward/…`: mean of each term of the reward a slot, and their `total`;
+            - `ppo/loss`, and its terms `ppo/policy_loss`, `ppo/value_loss`, `ppo/entropy`;
+              `ppo/kl`: mean Kullback-Leibler divergence from the policy of the rollout,
+              (r − 1) − log r; `ppo/clip_fraction`: share of ratios that were clipped;
+              `ppo/explained_variance`: of the returns, by the critic of the rollout;
+              `ppo/gradient_norm`: before clipping; `ppo/learning_rate`;
+            - `speed/env_steps_per_s`, of all policies together; `speed/rollout_share`, of
+              the iteration's time, within it `speed/environment_share` (step, reward,
+              observation) and `speed/inference_share` (networks and sampling); and
+              `speed/learn_share`.
+        """
+        laps = Laps()
+        rollout = self.simulation.collect(
+            self.network,
+            self.settings.rollout_slots,
+            use_mask=self.settings.mask_actions,
+            laps=laps,
+        )
+        figures = {**_episode_log(rollout), **self._learn(rollout)}
+        columns = torch.stack([f.double() for f in figures.values()]).cpu()
+        self.env_steps += self.steps_per_iteration
+        laps("learn")
+        steps = self.steps_per_iteration * len(self.seeds)
+        shares = laps.shares()
+        speed = {
+            "speed/env_steps_per_s": steps / sum(laps.seconds.values()),
+            "speed/rollout_share": 1 - shares["learn"],
+            "speed/environment_share": shares["environment"],
+            "speed/inference_share": shares["inference"],
+            "speed/learn_share": shares["learn"],
+            "ppo/learning_rate": self.optimizer.param_groups[0]["lr"],
+        }
+        return [
+            {**dict(zip(figures, values, strict=True)), **speed}
+            for values in columns.reshape(len(figures), -1).T.tolist()
+        ]
+
+    def _learning_rate(self) -> float:
+        rate = self.settings.learning_rate
+        if self.settings.learning_rate_schedule == "linear":
+            rate *= max(1 - self.env_steps / self.settings.steps, 0.0)
+        return rate
+
+    def _samples(self, values: Tensor, entries: int = 0) -> Tensor:
+        """(slots, envs, auvs, …) as (samples, …), (replicas, samples, …) where stacked.
+
+        The last `entries` axes are no samples.
+        """
+        policies_first = values.movedim(1, 0) if self._axes else values
+        return policies_first.flatten(self._axes, -1 - entries)
+
+    def _moments(self, values: Tensor) -> Moments:
+        """Of (slots, envs, auvs) values: (replicas) or ()."""
+        return Moments.of(values, (0, -2, -1), self.group)
+
+    def _learn(self, rollout: Rollout) -> dict[str, Tensor]:
+        settings = self.settings
+        self.reward_scale.update(rollout.reward, rollout.truncated)
+        advantage = advantages(
+            rollout.reward / self.reward_scale.divisor[..., None, None],
+            rollout.value,
+            rollout.next_value,
+            rollout.truncated,
+            settings.discount,
+            settings.gae_lambda,
+        )
+        returns = advantage + rollout.value
+        if settings.normalise_value:
+            self.network.follow_returns(self._moments(returns))
+        data = {
+            "inputs": self._samples(rollout.inputs, 1),
+            "action": self._samples(rollout.action, 1),
+            "log_probability": self._samples(rollout.log_probability),
+            "advantage": self._samples(advantage),
+            "returns": self.network.normalised_return(self._samples(returns)),
+        }
+        if rollout.critic_inputs is not rollout.inputs:
+            data["critic_inputs"] = self._samples(rollout.critic_inputs, 1)
+        if rollout.mask is not None:
+            data["mask"] = self._samples(rollout.mask, 1)
+        rate = self._learning_rate()
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
+        losses = self._epochs(data)
+        self._follow_inputs(self.network.scaler, rollout.observation)
+        if self.network.privileged is not None and rollout.privileged is not None:
+            self._follow_inputs(self.network.privileged, rollout.privileged)
+        unexplained = self._moments(returns - rollout.value).variance
+        of_returns = self._moments(returns).variance.clamp_min(1e-12)
+        return {**losses, "ppo/explained_variance": 1 - unexplained / of_returns}
+
+    def _follow_inputs(self, scaler: Scaler, seen: Tensor) -> None:
+        if scaler.running:
+            scaler.update(Moments.of(seen, (0, -3, -2), self.group))
+
+    def _epochs(self, data: dict[str, Tensor]) -> dict[str, Tensor]:
+        settings = self.settings
+        logs: list[dict[str, Tensor]] = []
+        for _ in range(settings.epochs):
+            for index, samples in self._minibatches(data["returns"].shape[-1]):
+                logs.append(self._step(_taken(data, index), samples))
+            if settings.target_kl is not None and float(logs[-1]["kl"]) > settings.target_kl:
+                break
+        return {f"ppo/{k}": torch.stack([log[k] for log in logs]).mean(0) for k in logs[0]}
+
+    def _minibatches(self, own_samples: int) -> Iterator[tuple[Tensor, int]]:
+        """Indices of samples, (samples) or (replicas, samples), and how many all have of them."""
+        every = own_samples * self.group.size
+        orders = [
+            torch.randperm(every, generator=generator, device=self.device)
+            for generator in self.simulation.generators
+        ]
+        order = torch.stack(orders) if self._axes else orders[0]
+        for index in order.tensor_split(self.settings.minibatches, dim=-1):
+            yield self._own(index), index.shape[-1]
+
+    def _own(self, index: Tensor) -> Tensor:
+        """Of samples of all processes, those of this one, as it counts them."""
+        if self.group.size == 1:
+            return index
+        auvs = self.simulation.world.num_auvs
+        row = self.settings.environments * auvs
+        own = self.group.share(row)
+        slot, place = index // row, index % row
+        is_own = (place >= own.start) & (place < own.stop)
+        return (slot * (own.stop - own.start) + place - own.start)[is_own]
+
+    def _normalised(self, advantage: Tensor, samples: int) -> Tensor:
+        """The advantages of a minibatch, of mean 0 and spread 1 over all of its samples."""
+        if not self.settings.normalise_advantage or samples < 2:
+            return advantage
+        total = self.group.sum(advantage.sum(-1, keepdim=True))
+        deviation = advantage - total / samples
+        squares = self.group.sum(deviation.square().sum(-1, keepdim=True))
+        return deviation / ((squares / (samples - 1)).sqrt() + 1e-8)
+
+    def _step(self, batch: dict[str, Tensor], samples: int) -> dict[str, Tensor]:
+        """One step of the optimiser on a minibatch (eq. `total loss function`).
+
+        Args:
+            batch: this process's part of the minibatch.
+            samples: size of the whole minibatch, of each policy.
+        """
+        settings, network = self.settings, self.network
+        of_policy = policy_loss(
+            network.scores(batch["inputs"], batch.get("mask")),
+            batch["action"],
+            batch["log_probability"],
+            self._normalised(batch["advantage"], samples),
+            settings.clip,
+            settings.entropy_coefficient,
+            samples,
+        )
+        value = network.normalised_value(batch.get("critic_inputs", batch["inputs"]))
+        value_loss = (value - batch["returns"]).square().sum(-1) / samples
+        loss = of_policy.loss + settings.value_coefficient * value_loss
+        self.optimizer.zero_grad(set_to_none=True)
+        loss.sum().backward()  # type: ignore[no-untyped-call]
+        gradients = [p.grad for p in network.parameters() if p.grad is not None]
+        self.group.sum_all(gradients)
+        norm = self._clip(gradients)
+        self.optimizer.step()
+        log = {**of_policy._asdict(), "value_loss": value_loss, "loss": loss}
+        log = {name: value.detach() for name, value in log.items()}
+        self.group.sum_all(list(log.values()))
+        return {**log, "gradient_norm": norm}
+
+    def _clip(self, gradients: list[Tensor]) -> Tensor:
+        """Scale each policy's gradients to `max_gradient_norm` at most; their norm before."""
+        norms = torch.stack([g.flatten(self._axes).norm(dim=-1) for g in gradients])
+        norm = norms.norm(dim=0)
+        factor = (self.settings.max_gradient_norm / (norm + 1e-6)).clamp_max(1.0)
+        for gradient in gradients:
+            gradient.mul_(aligned(factor, gradient))
+        return norm
+
+    def state_dict(self, policy: int = 0) -> dict[str, Any]:
+        """All that the training of one policy goes on from, as tensors and plain values.
+
+        It is the same whatever was trained beside it, and by how many processes; these have
+        to ask for it together.
+        """
+        optimizer = self.optimizer.state_dict()
+        optimizer["state"] = {
+            i: {k: self._part(v, policy) for k, v in state.items()}
+            for i, state in optimizer["state"].items()
+        }
+        return {
+            "network": self.weights(policy),
+            "optimizer": optimizer,
+            "reward_scale": self.reward_scale.state_dict(policy),
+            "simulation": self.simulation.state_dict(policy),
+            "env_steps": self.env_steps,
+            "seed": self.seeds[policy],
+        }
+
+    def weights(self, policy: int = 0) -> dict[str, Tensor]:
+        """The `state_dict` of one policy's networks."""
+        return {k: self._part(v, policy) for k, v in self.network.state_dict().items()}
+
+    def _part(self, values: Tensor, policy: int) -> Tensor:
+        # Adam's count of steps is one for all.
+        return (values[policy] if self._axes and values.ndim else values).clone()
+
+    def load_state_dict(self, *saved: dict[str, Any]) -> None:
+        """Go on from the `state_dict` of each policy; on a CPU, bit for bit as if never stopped."""
+
+        def together(parts: Sequence[Tensor]) -> Tensor:
+            return torch.stack(tuple(parts)) if self._axes and parts[0].ndim else parts[0]
+
+        weights, optimizers = ([one[k] for one in saved] for k in ("network", "optimizer"))
+        self.network.load_state_dict(
+            {
+                k: torch.stack([w[k] for w in weights]) if self._axes else weights[0][k]
+                for k in weights[0]
+            }
+        )
+        states = [optimizer["state"] for optimizer in optimizers]
+        merged = {
+            i: {k: together([s[i][k] for s in states]) for k in states[0][i]} for i in states[0]
+        }
+        self.optimizer.load_state_dict({**optimizers[0], "state": merged})
+        self.reward_scale.load_state_dict([one["reward_scale"] for one in saved])
+        self.simulation.load_state_dict([one["simulation"] for one in saved])
+        self.env_steps = saved[0]["env_steps"]
+        self.seeds = range(saved[0]["seed"], saved[0]["seed"] + len(saved))
+
+
+def _check_shares(settings: Training, replicas: int, group: Group) -> None:
+    if settings.environments % group.size:
+        raise InputError(
+            f"training.environments: {settings.environments} can not be shared evenly by "
+            f"{group.size} processes"
+        )
+    if settings.target_kl is not None and replicas > 1:
+        raise InputError(
+            "training.target_kl: policies trained side by side can not stop their epochs apart; "
+            "set it to null, or train them one after the other"
+        )
+
+
+def _taken(data: dict[str, Tensor], index: Tensor) -> dict[str, Tensor]:
+    """The samples at (samples) or (replicas, samples) indices."""
+    if index.ndim == 1:
+        return {name: values.index_select(0, index) for name, values in data.items()}
+    policy = torch.arange(len(index), device=index.device)[:, None]
+    return {name: values[policy, index] for name, values in data.items()}
+
+
+def make_network(
+    observer: Observer, action_sizes: tuple[int, ...], settings: Training
+) -> ActorCritic:
+    """Untrained networks for a world's observations and actions of these sizes."""
+    privileged = observer.critic_ranges(central=settings.critic == "central")
+    return ActorCritic(
+        _scaler(observer.agent_ranges, settings),
+        action_sizes,
+        settings.hidden_units,
+        settings.activation,
+        None if privileged is None else _scaler(privileged, settings),
+        observer.node_entries if settings.node_network else None,
+    )
+
+
+def _scaler(ranges: Ranges, settings: Training) -> Scaler:
+    entries = len(ranges.low)
+    shift, scale, limit = np.zeros(entries), np.ones(entries), math.inf
+    if settings.observation_scaling == "fixed":
+        shift, scale, limit = ranges.low, ranges.scale, ranges.limit
+    elif settings.observation_scaling == "running":
+        limit = 10.0
+    return Scaler(
+        torch.from_numpy(shift),
+        torch.from_numpy(scale),
+        limit,
+        running=settings.observation_scaling == "running",
+    )
+
+
+def _episode_log(rollout: Rollout) -> dict[str, Tensor]:
+    """Mean over the episodes that ended in a rollout, by TensorBoard tag."""
+    tags = {
+        "mean_aoi": "aoi/mean",
+        "final_aoi": "aoi/final",
+        "peak_aoi": "aoi/peak",
+        "jain": "fairness/jain",
+        "harvested_kj": "energy/harvested_kj",
+        "spent_kj": "energy/spent_kj",
+        "uplink_success": "uplink/success_rate",
+        "age_violations": "constraints/age_violations",
+        "jain_violation": "constraints/jain_violation",
+    }
+    log = {
+        tag: torch.stack([e[name] for e in rollout.episodes]).mean(0)
+        for name, tag in tags.items()
+        if rollout.episodes
+    }
+    log |= {f"reward/{name}": value for name, value in rollout.reward_terms.items()}
+    log["reward/total"] = torch.stack(list(rollout.reward_terms.values())).sum(0)
+    return log

@@ -1,0 +1,126 @@
+"""Advantages, and the scale of the rewards that they are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from trainers.group import Group
+from trainers.moments import Moments
+
+
+def advantages(
+    reward: Tensor,
+    value: Tensor,
+    next_value: Tensor,
+    truncated: list[bool],
+    discount: float,
+    gae_lambda: float,
+) -> Tensor:
+    """Generalised advantage estimation (Schulman et al., 2016).
+
+    Â_t = δ_t + γλ Â_{t+1}, δ_t = r_t + γ V(s_{t+1}) − V(s_t). Where an episode is
+    truncated, V(s_{t+1}) is the value of its last state and the sum over later slots ends.
+
+    Args:
+        reward, value, next_value: (slots, …) each.
+        truncated: (slots,), whether the episode ended with the slot.
+        discount: γ.
+        gae_lambda: λ.
+
+    Returns:
+        (slots, …) advantages.
+    """
+    delta = reward + discount * next_value - value
+    result = torch.empty_like(delta)
+    running = torch.zeros_like(delta[0])
+    for t in reversed(range(delta.shape[0])):
+        running = delta[t] + (0.0 if truncated[t] else discount * gae_lambda) * running
+        result[t] = running
+    return result
+
+
+class RewardScale:
+    """The divisor of the rewards, so that values are of order one.
+
+    Args:
+        kind: `none`; `first_rollout`, the spread of the rewards of the first rollout;
+            `running`, the spread of the discounted return over all that was seen.
+        discount: γ.
+        replicas: axis of the policies, where there are several.
+        group: who shares the environments.
+
+    Attributes:
+        divisor: (replicas) or ().
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        discount: float,
+        replicas: tuple[int, ...] = (),
+        group: Group | None = None,
+        device: torch.device | None = None,
+    ) -> None:
+        self._kind = kind
+        self._discount = discount
+        self._group = group or Group()
+        self._return: Tensor | None = None
+        self._seen = Moments.none(replicas, device or torch.device("cpu"))
+        self._is_first = True
+
+    @property
+    def divisor(self) -> Tensor:
+        spread = self._seen.variance.sqrt().clamp_min(1e-6).float()
+        return torch.ones_like(spread) if self._kind == "none" else spread
+
+    def update(self, reward: Tensor, truncated: list[bool]) -> None:
+        """Take in (slots, envs, auvs) or (slots, replicas, envs, auvs) rewards."""
+        if self._kind == "none" or (self._kind == "first_rollout" and not self._is_first):
+            return
+        self._is_first = False
+        if self._kind == "running":
+            reward = self._discounted(reward, truncated)
+        dims = (0, -2, -1)
+        self._seen = self._seen.merged(Moments.of(reward, dims, self._group))
+
+    def _discounted(self, reward: Tensor, truncated: list[bool]) -> Tensor:
+        """The return so far in every slot, with the episodes' beginnings in mind."""
+        now = torch.zeros_like(reward[0]) if self._return is None else self._return
+        returns = []
+        for slot_reward, ended in zip(reward, truncated, strict=True):
+            now = now * self._discount + slot_reward
+            returns.append(now)
+            if ended:
+                now = torch.zeros_like(now)
+        self._return = now
+        return torch.stack(returns)
+
+    def state_dict(self, policy: int = 0) -> dict[str, Any]:
+        """What `load_state_dict` goes on from, for one policy; see `Simulation.state_dict`."""
+        several = self._seen.mean.ndim > 0
+        own = None
+        if self._return is not None:
+            own = self._return[policy] if several else self._return
+            own = self._group.join(own.clone()).cpu()
+        moments = torch.stack([m.expand(self._seen.mean.shape) for m in self._seen]).cpu()
+        return {
+            "return": own,
+            "moments": (moments[:, policy] if several else moments).tolist(),
+            "is_first": self._is_first,
+        }
+
+    def load_state_dict(self, saved: Sequence[dict[str, Any]]) -> None:
+        """Go on from the `state_dict` of each policy."""
+        shape, device = self._seen.mean.shape, self._seen.mean.device
+        moments = torch.tensor([one["moments"] for one in saved], dtype=torch.float64)
+        mean, variance, number = moments.to(device).unbind(-1)
+        self._seen = Moments(mean.reshape(shape), variance.reshape(shape), number[0])
+        self._is_first = saved[0]["is_first"]
+        self._return = None
+        if saved[0]["return"] is not None:
+            parts = [one["return"][self._group.share(len(one["return"]))] for one in saved]
+            self._return = torch.stack(parts).reshape(*shape, *parts[0].shape).to(device)
