@@ -1,5 +1,7 @@
 """Functions whose gradients are written by hand, against what autograd makes of plain ones."""
 
+import itertools
+
 import pytest
 import torch
 from torch import nn
@@ -18,10 +20,9 @@ def numbers(*shape, seed=0):
 
 
 def layers(lead, sizes):
-    pairs = zip(sizes, sizes[1:], strict=False)
     return [
         numbers(*lead, *shape, seed=i).requires_grad_()
-        for a, b in pairs
+        for a, b in itertools.pairwise(sizes)
         for i, shape in enumerate([(b, a), (b,)])
     ]
 

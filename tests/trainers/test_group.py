@@ -1,0 +1,142 @@
+"""Two processes on this machine, over its loopback, learn what one alone does."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from iout_marl.scenario import to_yaml
+from trainers import RunFolder, train
+
+HERE = Path(__file__).parent
+VARIANTS = {
+    "masks, tdd, random layouts, running normalisers": {
+        "duplex.kind": "tdd",
+        "training.mask_actions": True,
+        "nodes": {"kind": "random", "count": 2},
+        "training.observation_scaling": "running",
+        "training.reward_scaling": "running",
+    },
+    "two auvs, mid-episode": {
+        "auvs.start_cells": [[2, 1, 1], [1, 2, 1]],
+        "training.rollout_slots": 13,
+        "training.minibatches": 3,
+    },
+}
+
+
+def torchrun(*command, processes=2):
+    """A command under torchrun, with a port of its own choice."""
+    return [
+        *(sys.executable, "-m", "torch.distributed.run", "--nnodes", "1"),
+        *("--rdzv-backend", "c10d", "--rdzv-endpoint", "localhost:0"),
+        *("--nproc-per-node", str(processes)),
+        *command,
+    ]
+
+
+def environment():
+    # More threads than cores would make the processes wait for one another.
+    return {**os.environ, "OMP_NUM_THREADS": "1"}
+
+
+@pytest.fixture
+def scenario_file(tiny, tmp_path):
+    def write(changes=()):
+        path = tmp_path / "scenario.yaml"
+        path.write_text(to_yaml(tiny({"training.steps": 400, **dict(changes)})), encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
+def test_two_processes_learn_what_one_does(scenario_file, tiny, tmp_path, changes):
+    path = scenario_file(changes)
+    command = ["-m", "trainers.ppo", str(path), "--out", str(tmp_path / "two"), "--seed", "4"]
+    result = subprocess.run(
+        torchrun(*command), capture_output=True, text=True, env=environment(), check=False
+    )
+    assert result.returncode == 0, result.stderr
+    alone = train(tiny({"training.steps": 400, **changes}), tmp_path / "one", seed=4)
+    two = RunFolder(tmp_path / "two")
+    ours, theirs = (load_file(run.path / "policy.safetensors") for run in (two, alone.run))
+    for name, tensor in theirs.items():
+        torch.testing.assert_close(ours[name], tensor, rtol=1e-4, atol=1e-5, msg=name)
+    lines = [
+        [json.loads(line) for line in run.metrics_path.read_text().splitlines()]
+        for run in (two, alone.run)
+    ]
+    for ours, theirs in zip(*lines, strict=True):
+        for tag, value in theirs.items():
+            if not tag.startswith("speed/"):
+                assert ours[tag] == pytest.approx(value, rel=1e-3, abs=1e-4), tag
+    # One reports, and what it reports is the whole.
+    assert result.stdout.count("trained for") == 1
+    # A checkpoint is that of all environments: one process can go on with it.
+    longer = tiny({**changes, "training.steps": 800})
+    outcomes = [train(longer, run.path, resume=True) for run in (two, alone.run)]
+    ours, theirs = (outcome.trainer.weights() for outcome in outcomes)
+    for name, tensor in theirs.items():
+        torch.testing.assert_close(ours[name], tensor, rtol=1e-3, atol=1e-4, msg=name)
+
+
+def test_environments_that_can_not_be_shared_evenly(scenario_file, tmp_path):
+    command = ["-m", "trainers.ppo", str(scenario_file()), "--out", str(tmp_path / "run")]
+    result = subprocess.run(
+        torchrun(*command, processes=3),
+        capture_output=True,
+        text=True,
+        env=environment(),
+        check=False,
+    )
+    assert result.returncode != 0
+    assert "training.environments: 4 can not be shared evenly by 3 processes" in result.stderr
+    assert result.stderr.count("can not be shared evenly") == 3, "a line of each process"
+    assert "Traceback" not in result.stderr.split("torch.distributed")[0]
+
+
+def test_lost_process_ends_the_training_and_leaves_a_checkpoint(scenario_file, tmp_path, tiny):
+    changes = {"training.steps": 80_000, "training.checkpoint_steps": 80}
+    run = tmp_path / "run"
+    command = [str(HERE / "lost_rank.py"), str(scenario_file(changes)), "--out", str(run)]
+    result = subprocess.run(
+        torchrun(*command), capture_output=True, text=True, env=environment(), check=False
+    )
+    assert result.returncode != 0
+    assert "another process of the training was lost" in result.stderr
+    assert "steps stands" in result.stderr
+    saved = RunFolder(run).load_checkpoint(torch.device("cpu"))["env_steps"]
+    assert 80 <= saved <= 400
+    outcome = train(tiny({"training.steps": 800}), run, resume=True)
+    assert outcome.finished
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_stop_signal_saves_all_at_the_same_step(scenario_file, tmp_path, tiny, number):
+    run = tmp_path / "run"
+    command = ["-m", "trainers.ppo", str(scenario_file({"training.steps": 10_000_000}))]
+    with subprocess.Popen(
+        torchrun(*command, "--out", str(run)),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    ) as process:
+        metrics = run / "metrics.jsonl"
+        while not (metrics.is_file() and metrics.read_text().count("\n") > 3):
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.05)
+        process.send_signal(number)
+        process.communicate(timeout=60)
+    saved = RunFolder(run).load_checkpoint(torch.device("cpu"))["env_steps"]
+    logged = [json.loads(line)["env_steps"] for line in metrics.read_text().splitlines()]
+    assert saved == logged[-1]
+    assert train(tiny({"training.steps": saved + 80}), run, resume=True).finished
