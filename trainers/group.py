@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import torch
@@ -40,9 +40,6 @@ class Group:
         """The sum of every process's tensor, the same in all; may be written into it."""
         return tensor
 
-    def sum_all(self, tensors: Sequence[Tensor]) -> None:
-        """Put into each tensor the sum of every process's."""
-
     def any(self, flag: bool) -> bool:  # noqa: FBT001
         """Whether any process's flag is set, the same in all."""
         return flag
@@ -68,13 +65,6 @@ class DistributedGroup(Group):
         with _told_plainly():
             distributed.all_reduce(tensor)
         return tensor
-
-    def sum_all(self, tensors: Sequence[Tensor]) -> None:
-        # One message costs less than many.
-        total = self.sum(torch.cat([tensor.flatten() for tensor in tensors]))
-        parts = torch.split(total, [tensor.numel() for tensor in tensors])
-        for tensor, part in zip(tensors, parts, strict=True):
-            tensor.copy_(part.view_as(tensor))
 
     def any(self, flag: bool) -> bool:  # noqa: FBT001
         return bool(self.sum(torch.tensor(float(flag), device=self._device)) > 0)

@@ -103,7 +103,7 @@ def limited(size, *words):
 
 @pytest.mark.parametrize(
     ("size", "file"),
-    [(3000, "run"), (20_000, "checkpoint.pt")],
+    [(3000, "run"), (10_000, "checkpoint.pt")],
     ids=["logs", "checkpoint"],
 )
 def test_real_limit_stops_a_new_run_with_one_line(tmp_path, tiny_settings, size, file):

@@ -8,7 +8,7 @@ takes the clipped-surrogate steps. Every setting is explained in
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -19,11 +19,12 @@ from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario, Training
 from iout_marl.world import pin_layout
 from iout_marl.world.observation import Observer, Ranges
+from trainers.adam import Adam, clipped
 from trainers.functions import policy_loss
 from trainers.group import Group
 from trainers.laps import Laps
 from trainers.moments import Moments
-from trainers.networks import ActorCritic, Scaler, aligned, stacked
+from trainers.networks import ActorCritic, Scaler, stacked
 from trainers.returns import RewardScale, advantages
 from trainers.rollout import Rollout, Simulation
 
@@ -72,11 +73,8 @@ class Trainer:
         )
         self._axes = len(self.simulation.replicas)
         self.network = self._make_network().to(self.device)
-        self.optimizer = torch.optim.Adam(
-            self.network.parameters(),
-            lr=self.settings.learning_rate,
-            eps=self.settings.adam_epsilon,
-            fused=True,
+        self.optimizer = Adam(
+            list(self.network.parameters()), self.settings.adam_epsilon, self.simulation.replicas
         )
         self.reward_scale = RewardScale(
             self.settings.reward_scaling,
@@ -137,6 +135,7 @@ class Trainer:
               `speed/learn_share`.
         """
         laps = Laps()
+        learning_rate = self._learning_rate()
         rollout = self.simulation.collect(
             self.network,
             self.settings.rollout_slots,
@@ -155,7 +154,7 @@ class Trainer:
             "speed/environment_share": shares["environment"],
             "speed/inference_share": shares["inference"],
             "speed/learn_share": shares["learn"],
-            "ppo/learning_rate": self.optimizer.param_groups[0]["lr"],
+            "ppo/learning_rate": learning_rate,
         }
         return [
             {**dict(zip(figures, values, strict=True)), **speed}
@@ -205,9 +204,6 @@ class Trainer:
             data["critic_inputs"] = self._samples(rollout.critic_inputs, 1)
         if rollout.mask is not None:
             data["mask"] = self._samples(rollout.mask, 1)
-        rate = self._learning_rate()
-        for group in self.optimizer.param_groups:
-            group["lr"] = rate
         losses = self._epochs(data)
         self._follow_inputs(self.network.scaler, rollout.observation)
         if self.network.privileged is not None and rollout.privileged is not None:
@@ -222,10 +218,11 @@ class Trainer:
 
     def _epochs(self, data: dict[str, Tensor]) -> dict[str, Tensor]:
         settings = self.settings
+        learning_rate = self._learning_rate()
         logs: list[dict[str, Tensor]] = []
         for _ in range(settings.epochs):
             for index, samples in self._minibatches(data["returns"].shape[-1]):
-                logs.append(self._step(_taken(data, index), samples))
+                logs.append(self._step(_taken(data, index), samples, learning_rate))
             if settings.target_kl is not None and float(logs[-1]["kl"]) > settings.target_kl:
                 break
         return {f"ppo/{k}": torch.stack([log[k] for log in logs]).mean(0) for k in logs[0]}
@@ -261,12 +258,15 @@ class Trainer:
         squares = self.group.sum(deviation.square().sum(-1, keepdim=True))
         return deviation / ((squares / (samples - 1)).sqrt() + 1e-8)
 
-    def _step(self, batch: dict[str, Tensor], samples: int) -> dict[str, Tensor]:
+    def _step(
+        self, batch: dict[str, Tensor], samples: int, learning_rate: float
+    ) -> dict[str, Tensor]:
         """One step of the optimiser on a minibatch (eq. `total loss function`).
 
         Args:
             batch: this process's part of the minibatch.
             samples: size of the whole minibatch, of each policy.
+            learning_rate: of this step.
         """
         settings, network = self.settings, self.network
         of_policy = policy_loss(
@@ -281,25 +281,15 @@ class Trainer:
         value = network.normalised_value(batch.get("critic_inputs", batch["inputs"]))
         value_loss = (value - batch["returns"]).square().sum(-1) / samples
         loss = of_policy.loss + settings.value_coefficient * value_loss
-        self.optimizer.zero_grad(set_to_none=True)
         loss.sum().backward()  # type: ignore[no-untyped-call]
-        gradients = [p.grad for p in network.parameters() if p.grad is not None]
-        self.group.sum_all(gradients)
-        norm = self._clip(gradients)
-        self.optimizer.step()
+        gradient = self.group.sum(self.optimizer.gradient())
+        gradient, norm = clipped(gradient, settings.max_gradient_norm)
+        self.optimizer.step(gradient, learning_rate)
         log = {**of_policy._asdict(), "value_loss": value_loss, "loss": loss}
         log = {name: value.detach() for name, value in log.items()}
-        self.group.sum_all(list(log.values()))
+        sums = self.group.sum(torch.stack(list(log.values())))
+        log = dict(zip(log, sums, strict=True))
         return {**log, "gradient_norm": norm}
-
-    def _clip(self, gradients: list[Tensor]) -> Tensor:
-        """Scale each policy's gradients to `max_gradient_norm` at most; their norm before."""
-        norms = torch.stack([g.flatten(self._axes).norm(dim=-1) for g in gradients])
-        norm = norms.norm(dim=0)
-        factor = (self.settings.max_gradient_norm / (norm + 1e-6)).clamp_max(1.0)
-        for gradient in gradients:
-            gradient.mul_(aligned(factor, gradient))
-        return norm
 
     def state_dict(self, policy: int = 0) -> dict[str, Any]:
         """All that the training of one policy goes on from, as tensors and plain values.
@@ -307,14 +297,9 @@ class Trainer:
         It is the same whatever was trained beside it, and by how many processes; these have
         to ask for it together.
         """
-        optimizer = self.optimizer.state_dict()
-        optimizer["state"] = {
-            i: {k: self._part(v, policy) for k, v in state.items()}
-            for i, state in optimizer["state"].items()
-        }
         return {
             "network": self.weights(policy),
-            "optimizer": optimizer,
+            "optimizer": self.optimizer.state_dict(policy),
             "reward_scale": self.reward_scale.state_dict(policy),
             "simulation": self.simulation.state_dict(policy),
             "env_steps": self.env_steps,
@@ -323,30 +308,19 @@ class Trainer:
 
     def weights(self, policy: int = 0) -> dict[str, Tensor]:
         """The `state_dict` of one policy's networks."""
-        return {k: self._part(v, policy) for k, v in self.network.state_dict().items()}
-
-    def _part(self, values: Tensor, policy: int) -> Tensor:
-        # Adam's count of steps is one for all.
-        return (values[policy] if self._axes and values.ndim else values).clone()
+        weights = self.network.state_dict()
+        return {k: (v[policy] if self._axes else v).clone() for k, v in weights.items()}
 
     def load_state_dict(self, *saved: dict[str, Any]) -> None:
         """Go on from the `state_dict` of each policy; on a CPU, bit for bit as if never stopped."""
-
-        def together(parts: Sequence[Tensor]) -> Tensor:
-            return torch.stack(tuple(parts)) if self._axes and parts[0].ndim else parts[0]
-
-        weights, optimizers = ([one[k] for one in saved] for k in ("network", "optimizer"))
+        weights = [one["network"] for one in saved]
         self.network.load_state_dict(
             {
                 k: torch.stack([w[k] for w in weights]) if self._axes else weights[0][k]
                 for k in weights[0]
             }
         )
-        states = [optimizer["state"] for optimizer in optimizers]
-        merged = {
-            i: {k: together([s[i][k] for s in states]) for k in states[0][i]} for i in states[0]
-        }
-        self.optimizer.load_state_dict({**optimizers[0], "state": merged})
+        self.optimizer.load_state_dict([one["optimizer"] for one in saved])
         self.reward_scale.load_state_dict([one["reward_scale"] for one in saved])
         self.simulation.load_state_dict([one["simulation"] for one in saved])
         self.env_steps = saved[0]["env_steps"]
