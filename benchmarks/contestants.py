@@ -7,6 +7,7 @@ the order of one, the default preset's discount.
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 from collections.abc import Callable
@@ -164,7 +165,7 @@ class SingleFile:
 
         def network(outputs: int, gain: float) -> nn.Sequential:
             sizes, layers = [entries, 64, 64, outputs], []
-            for i, (a, b) in enumerate(zip(sizes, sizes[1:], strict=False)):
+            for i, (a, b) in enumerate(itertools.pairwise(sizes)):
                 linear = nn.Linear(a, b)
                 nn.init.orthogonal_(linear.weight, gain if i == 2 else math.sqrt(2))
                 nn.init.zeros_(linear.bias)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from iout_marl.machine import PACKAGES, num_cores, processor, versions
 
-COMPARED_WITH = ("gymnasium", "pettingzoo", "supersuit", "stable-baselines3")
+COMPARED_WITH = ("gymnasium", "pettingzoo", "supersuit", "stable-baselines3", "mpe2", "vmas")
 
 
 def describe() -> str:

@@ -19,7 +19,7 @@ from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import Events, State, World, node_codes, redraws_every_episode
-from iout_marl.world.actions import checked_actions
+from iout_marl.world.actions import ActionCheck
 from iout_marl.world.observation import Ranges
 
 #: Of a slot and an environment, by name: see `Episodes.info`.
@@ -70,6 +70,7 @@ class Episodes:
         self.events: Events | None = None
         self.mask_place = self.scenario.observation.action_mask
         self._sizes = np.array(self.world.action_sizes)
+        self._check = ActionCheck(num_envs, self.world.num_auvs, self.world.action_sizes)
         self.action_space = self.action_space_for(num_auvs=1)
         self.state_space = box(self.world.observer.state_ranges)
         self.vector_space = box(self.world.observer.agent_ranges)
@@ -154,20 +155,19 @@ class Episodes:
         if self.is_over:
             raise RuntimeError("the episode is over: call reset() first")
         world = self.world
-        actions = checked_actions(action, world.num_envs, world.num_auvs, world.action_sizes)
-        self.state, self.events = world.step(state, actions)
+        self.state, self.events = world.step(state, self._check(action))
         self._show()
-        reward: npt.NDArray[np.float64] = self.world.reward(self.state, self.events)
+        reward: npt.NDArray[np.float64] = world.reward(self.state, self.events)
         return reward
 
     @property
     def is_over(self) -> bool:
         """Whether the episodes have reached their time limit."""
-        return int(self.current.slot[0]) >= self.world.num_slots
+        return int(self.current.slot.item(0)) >= self.world.num_slots
 
     def observe(self) -> FloatArray:
         """(envs, auvs, entries) observations, without masks; a fresh array each time."""
-        return self.world.observe(self.current).astype(np.float32)
+        return self.world.observe(self.current).astype(np.float32, order="C")
 
     def masks(self) -> npt.NDArray[np.int8]:
         """(envs, auvs, choices): 1 for each sensible choice."""
@@ -176,7 +176,7 @@ class Episodes:
 
     def observe_globally(self) -> FloatArray:
         """(envs, entries): the vectors for central critics."""
-        return self.world.observer.observe_globally(self.current).astype(np.float32)
+        return self.world.observer.observe_globally(self.current).astype(np.float32, order="C")
 
     def info(self) -> dict[str, npt.NDArray[np.float64]]:
         """What infos tell, by `INFO_KEYS`: (envs,) each, or (envs, auvs) of an AUV's own.

@@ -110,7 +110,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         over = self._episodes.is_over
         result = (
             self._observations(),
-            dict(zip(agents, rewards[0].tolist(), strict=True)),
+            dict(zip(agents, rewards.tolist()[0], strict=True)),
             dict.fromkeys(agents, False),
             dict.fromkeys(agents, over),
             self._infos(),
@@ -121,7 +121,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
 
     def _own_action(self, actions: dict[str, Any], agent: str) -> npt.NDArray[Any]:
         action = integers(actions[agent], f"the action of {agent}")
-        expected = self.action_spaces[agent].shape
+        expected = (len(self._episodes.world.action_sizes),)
         if action.shape != expected:
             raise ValueError(
                 f"the action of {agent} must have shape {expected}, not {action.shape}"
@@ -150,10 +150,12 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         }
 
     def _infos(self) -> dict[str, Info]:
-        values = {name: value[0] for name, value in self._episodes.info().items()}
+        #: A number for all agents, or one for each of them in a list.
+        values = {name: value.tolist()[0] for name, value in self._episodes.info().items()}
         infos: dict[str, Info] = {
             agent: {
-                name: float(value[i] if value.ndim else value) for name, value in values.items()
+                name: float(value[i]) if isinstance(value, list) else value
+                for name, value in values.items()
             }
             for i, agent in enumerate(self.agents)
         }

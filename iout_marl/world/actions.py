@@ -24,34 +24,48 @@ def integers(action: Any, what: str = "an action") -> npt.NDArray[Any]:
     return values
 
 
-def checked_actions(
-    action: Any, num_envs: int, num_auvs: int, sizes: Sequence[int]
-) -> npt.NDArray[np.int64]:
-    """The actions of a batch, as the world takes them.
+class ActionCheck:
+    """Takes the actions of a batch as the world takes them.
 
     The world itself does not look: an index out of its range would read the row of
     another node or cell.
 
     Args:
-        action: (envs, auvs, entries) integers.
         num_envs, num_auvs: sizes of the batch.
         sizes: `World.action_sizes`.
-
-    Raises:
-        ValueError: the shape is another one, or an entry is not below its size.
     """
-    values = integers(action)
-    shape = (num_envs, num_auvs, len(sizes))
-    if values.shape != shape:
-        raise ValueError(
-            f"an action must have {len(sizes)} entries, below {tuple(sizes)}: "
-            f"expected an array of shape {shape}, not {values.shape}"
-        )
-    outside = (values < 0) | (values >= sizes)
-    if outside.any():
-        worst = values[outside.any(-1)][0]
-        raise ValueError(
-            f"action {worst.tolist()} lies outside MultiDiscrete({list(sizes)}): "
-            "each entry counts from 0 and stays below its size"
-        )
-    return values.astype(np.int64, copy=False)
+
+    def __init__(self, num_envs: int, num_auvs: int, sizes: Sequence[int]) -> None:
+        self._sizes = tuple(sizes)
+        self._shape = (num_envs, num_auvs, len(sizes))
+        self._ends = np.broadcast_to(np.array(sizes, dtype=np.uint64), self._shape).copy()
+
+    def __call__(self, action: Any) -> npt.NDArray[np.int64]:
+        """The (envs, auvs, entries) integers.
+
+        Raises:
+            ValueError: the shape is another one, or an entry is not below its size.
+        """
+        values = integers(action)
+        if values.shape != self._shape:
+            raise ValueError(
+                f"an action must have {len(self._sizes)} entries, below {self._sizes}: "
+                f"expected an array of shape {self._shape}, not {values.shape}"
+            )
+        taken = values.astype(np.int64, copy=False)
+        # Read without a sign, what is negative is beyond every size.
+        inside = taken.view(np.uint64) < self._ends
+        if not inside.all():
+            worst = values[~inside.all(-1)][0]
+            raise ValueError(
+                f"action {worst.tolist()} lies outside MultiDiscrete({list(self._sizes)}): "
+                "each entry counts from 0 and stays below its size"
+            )
+        return taken
+
+
+def checked_actions(
+    action: Any, num_envs: int, num_auvs: int, sizes: Sequence[int]
+) -> npt.NDArray[np.int64]:
+    """The actions of one slot, by `ActionCheck`."""
+    return ActionCheck(num_envs, num_auvs, sizes)(action)

@@ -42,12 +42,13 @@ class Credit:
         nothing = self._backend.zeros((num_envs, *self._shape))
         return {"others_age": nothing + self._initial_age, "others_deliveries": nothing}
 
-    def after(self, state: State, delivered: Array) -> dict[str, Array]:
+    def after(self, state: State, place: Array, delivered: Array) -> dict[str, Array]:
         """Fields of the state after a slot.
 
         Args:
             state: the state before it.
-            delivered: (envs, auvs, nodes) bool, who delivered to whom.
+            place: (envs, auvs) places of the nodes heard.
+            delivered: (envs, auvs) bool, whether they delivered.
         """
         if self.is_shared:
             return {
@@ -56,8 +57,9 @@ class Credit:
             }
         xp = self._backend.xp
         # A node delivers to one AUV at most, so that "to another" is "to any, but not to me".
-        by_others = xp.any(delivered, axis=1, keepdims=True) & ~delivered
-        age, _ = advance(xp, state.others_age, by_others, self._maximum_age)
+        to_me = self._nodes.flags(place, delivered)
+        by_others = xp.any(to_me, axis=1, keepdims=True) & ~to_me
+        age, _ = advance(xp, xp.where(by_others, 0.0, state.others_age), self._maximum_age)
         more = state.others_deliveries + 1
         return {
             "others_age": age,

@@ -24,7 +24,7 @@ class Link:
         self.channel = Channel(scenario)
         self.slot_s = scenario.slot_s
         self._xp = backend.xp
-        self._origin = grid.offset_origin
+        self._origin = backend.integers(grid.offset_origin)
         distance_m = grid.offset_distances() * scenario.grid.spacing_m
         power_per_snr_w = self.channel.power_per_snr_w(distance_m)
         self.distance_m = backend.floats(distance_m)

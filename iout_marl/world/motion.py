@@ -35,7 +35,9 @@ class Motion:
         self._xp = backend.xp
         neighbours, inside = _neighbour_tables(grid, self.steps)
         self.neighbour = backend.integers(neighbours.reshape(-1))
-        self._leads_inside = backend.xp.asarray(inside.reshape(-1), device=backend.device)
+        self._leads_outside = backend.xp.asarray(~inside.reshape(-1), device=backend.device)
+        self._per_cell = backend.integers(self.num_directions)
+        self._never = backend.xp.asarray(False, device=backend.device)  # noqa: FBT003
         self._keeps_apart = separation_cells > 0
         too_near = grid.offset_distances() < separation_cells * (1 - 1e-12)
         self._too_near = backend.xp.asarray(too_near, device=backend.device)
@@ -56,11 +58,11 @@ class Motion:
             the new cells, who would have left the grid, and who was kept from moving by
             another AUV, (envs, auvs) each.
         """
-        index = cell * self.num_directions + direction
-        left_grid = ~lookup(self._xp, self._leads_inside, index)
+        index = cell * self._per_cell + direction
+        left_grid = lookup(self._xp, self._leads_outside, index)
         target = lookup(self._xp, self.neighbour, index)
         if cell.shape[1] == 1 or not self._keeps_apart:
-            return target, left_grid, self._xp.zeros_like(left_grid)
+            return target, left_grid, left_grid & self._never
         new_cell = self._apart(cell, target)
         return new_cell, left_grid, new_cell != target
 
@@ -88,7 +90,7 @@ class Motion:
 
     def stays_inside(self, cell: Array) -> Array:
         """Which directions keep an AUV in the grid: (envs, auvs, directions) bool."""
-        return lookup(self._xp, self._leads_inside, self._every_direction(cell))
+        return ~lookup(self._xp, self._leads_outside, self._every_direction(cell))
 
     def neighbours(self, cell: Array) -> Array:
         """The cell that each direction leads to: (envs, auvs, directions) codes."""

@@ -2,56 +2,78 @@
 
 from __future__ import annotations
 
-from iout_marl.physics.arrays import Array, lookup
+import numpy as np
+
+from iout_marl.physics.arrays import Array, add_at, adds_at_indices, lookup, turned
 from iout_marl.world.backend import Backend
 
 
 class NodeAxis:
-    """Gathers from and scatters to the axis of nodes.
+    """Gathers from, scatters to and sums over the axis of nodes.
+
+    The place of a choice is the index of its node's entry where the nodes lie one after
+    the other in memory, each with its values of all environments: as `Backend` lays them.
 
     Args:
         num_envs: environments in the batch.
         num_auvs: M.
         num_nodes: K.
         backend: arrays to work with.
+
+    Attributes:
+        num_nodes: K, as a floating array.
     """
 
     def __init__(self, num_envs: int, num_auvs: int, num_nodes: int, backend: Backend) -> None:
         self._xp = backend.xp
+        self._is_alone = num_auvs == 1
         self._zero = backend.floats(0.0)
-        self._first = backend.integers(list(range(0, num_envs * num_nodes, num_nodes)))[:, None]
-        self._nodes = backend.integers(list(range(num_nodes)))
+        self._zeros = turned(backend.xp, backend.zeros((num_envs, num_nodes)))
+        self._num_envs = backend.integers(num_envs)
+        self._env = backend.integers(np.arange(num_envs))[:, None]
+        self._places = self._env[:, :, None] + backend.integers(np.arange(num_nodes)) * num_envs
         self._ones = backend.floats([1.0] * num_nodes)
         self._ones_of_auvs = backend.floats([[1.0] * num_auvs])
-        self.num_nodes = num_nodes
+        self.num_nodes = backend.floats(float(num_nodes))
 
-    def chosen(self, values: Array, node: Array) -> Array:
-        """Of (envs, nodes) values, those of the (envs, auvs) nodes: (envs, auvs)."""
-        return lookup(self._xp, values, self._first + node)
+    def place(self, node: Array) -> Array:
+        """Places of the (envs, auvs) nodes: (envs, auvs)."""
+        return node * self._num_envs + self._env
 
-    def one_hot(self, node: Array) -> Array:
-        """(envs, auvs) nodes as (envs, auvs, nodes) bool."""
-        return node[..., None] == self._nodes
+    def chosen(self, values: Array, place: Array) -> Array:
+        """Of (envs, nodes) values, those at the (envs, auvs) places: (envs, auvs)."""
+        return lookup(self._xp, turned(self._xp, values), place)
 
-    def total(self, one_hot: Array, values: Array) -> Array:
-        """For each node, the sum of the (envs, auvs) values of the AUVs that chose it."""
-        spread = self._xp.where(one_hot, values[..., None], self._zero)
-        return spread[:, 0, :] if spread.shape[1] == 1 else self._xp.sum(spread, axis=1)
+    def flags(self, place: Array, flag: Array) -> Array:
+        """The (envs, auvs) flag of each AUV at its place, else false: (envs, auvs, nodes)."""
+        return (place[..., None] == self._places) & flag[..., None]
 
-    def any(self, one_hot: Array, flags: Array) -> Array:
-        """For each node, whether an AUV that chose it has its (envs, auvs) flag set."""
-        spread = one_hot & flags[..., None]
-        return spread[:, 0, :] if spread.shape[1] == 1 else self._xp.any(spread, axis=1)
+    def plus(self, values: Array, place: Array, amount: Array) -> Array:
+        """(envs, nodes) values, each with the (envs, auvs) amounts of the AUVs that chose it."""
+        xp = self._xp
+        if self._is_alone and adds_at_indices(xp):
+            return turned(xp, add_at(xp, turned(xp, values), place, amount))
+        # Amounts of several AUVs are added up before their node's value comes in.
+        return values + self._total(place, amount)
+
+    def _total(self, place: Array, amount: Array) -> Array:
+        """For each node, the sum of the amounts of the AUVs that chose it: (envs, nodes)."""
+        xp = self._xp
+        if xp is np:
+            return add_at(xp, self._zeros, place, amount).T
+        # An accelerator would add up several amounts for one node in any order.
+        spread = xp.where(place[..., None] == self._places, amount[..., None], self._zero)
+        return xp.sum(spread, axis=1)
 
     def sum(self, values: Array) -> Array:
         """Sum over nodes: (envs, nodes) to (envs,)."""
-        # A product with a vector of ones is several times faster than a sum over a
-        # short last axis.
-        return values @ self._ones
+        # A product with a vector of ones takes about half the time of a sum.
+        return values.dot(self._ones) if self._xp is np else values @ self._ones
 
-    def mean(self, values: Array) -> Array:
-        """Mean over nodes: (envs, nodes) to (envs,)."""
-        return self.sum(values) / self.num_nodes
+    def max(self, values: Array) -> Array:
+        """The highest over nodes: (envs, nodes) to (envs,)."""
+        # What `np.max` comes down to, in less than half its time for a single environment.
+        return (np.maximum.reduce if self._xp is np else self._xp.max)(values, axis=-1)
 
     def alike(self, values: Array) -> Array:
         """The same value for every AUV: (envs,) to (envs, auvs)."""

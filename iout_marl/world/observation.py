@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.physics.arrays import Array, lookup
+from iout_marl.physics.arrays import Array, lookup, turned
 from iout_marl.scenario import Scenario
 from iout_marl.world.backend import Backend
 from iout_marl.world.grid import Grid
@@ -63,7 +63,11 @@ class Observer:
         self._is_credited_apart = scenario.reward.credit == "difference"
         self._num_nodes = num_nodes = scenario.num_nodes
         self._num_slots = scenario.num_slots
-        self._coordinates = backend.floats(grid.coordinate_table() + 1)
+        #: x, y and z by code, one after the other; where each begins, to go with the cells
+        #: of AUVs and nodes, or of pairs of AUVs.
+        self._coordinates = backend.floats(grid.coordinate_table().T.reshape(-1) + 1)
+        axes = backend.integers(np.arange(3) * grid.num_codes)
+        self._axes = {2: axes[:, None, None], 3: axes[:, None, None, None]}
         self._dtype = backend.dtype
         self.price_j = _price_j(scenario, link)
         self._last_cell = backend.floats([float(max(n - 1, 1)) for n in grid.shape])
@@ -99,7 +103,9 @@ class Observer:
         if self._settings.agent_index:
             shape = (state.cell.shape[0], self._num_auvs, self._num_auvs)
             parts.append(self._xp.broadcast_to(self._identity, shape))
-        return self._xp.concat(parts, axis=-1)
+        # Each entry of all environments in a row, as they come.
+        joined = self._xp.concat([turned(self._xp, part) for part in parts], axis=0)
+        return turned(self._xp, joined)
 
     def observe_globally(self, state: State) -> Array:
         """What a central critic sees, scaled as observations are: (envs, entries).
@@ -159,8 +165,9 @@ class Observer:
         return deliveries / self._num_slots if self._settings.kind == "scaled" else deliveries
 
     def _positions(self, cell: Array, *, scaled: bool) -> Array:
-        xyz = self._xp.take(self._coordinates, self._xp.reshape(cell, (-1,)), axis=0)
-        xyz = self._xp.reshape(xyz, (*cell.shape, 3))
+        xp = self._xp
+        places = self._axes[cell.ndim] + turned(xp, cell)
+        xyz = turned(xp, lookup(xp, self._coordinates, places))
         return (xyz - 1) / self._last_cell if scaled else xyz
 
     def _others(self, cell: Array, *, scaled: bool) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from iout_marl.physics.arrays import Array
+from iout_marl.physics.arrays import Array, pick
 from iout_marl.scenario import MeanAgeReward, PaperReward, Scenario
 from iout_marl.world.age import jain_of
 from iout_marl.world.backend import Backend
@@ -74,31 +74,34 @@ class Paper:
         self._xp = backend.xp
         self._mean_age = MeanAge(scenario, credit, backend)
         self._is_fdd = scenario.duplex.kind == "fdd"
-        #: Each penalty as a reward, and none.
+        self._weight = backend.floats(-settings.age_weight)
+        self._one = backend.floats(1.0)
+        #: No penalty, and each penalty, as rewards; some as what holds without and with it.
         self._none = backend.floats(0.0)
-        self._location = backend.floats(-settings.location_penalty)
-        self._separation = backend.floats(-settings.separation_penalty)
+        self._location = backend.floats([0.0, -settings.location_penalty])
+        self._separation = backend.floats([0.0, -settings.separation_penalty])
+        self._occurrence = backend.floats([0.0, -settings.occurrence_penalty])
         self._is_alone = scenario.num_auvs == 1
         self._no_able_node = backend.floats(-settings.no_able_node_penalty)
         self._wrong_node = backend.floats(-settings.wrong_node_penalty)
         self._only_charging = backend.floats(-settings.only_charging_penalty)
         self._only_transmitting = backend.floats(-settings.only_transmitting_penalty)
-        self._occurrence = backend.floats(-settings.occurrence_penalty)
-        self._ideal_deliveries = scenario.num_slots / scenario.num_nodes
+        self._missed = backend.floats([-settings.wrong_node_penalty, 0.0])
+        self._ideal_deliveries = backend.floats(scenario.num_slots / scenario.num_nodes)
 
     def __call__(self, state: State, events: Events) -> Mapping[str, Array]:
         settings, xp, nodes = self._settings, self._xp, self._nodes
-        age = -settings.age_weight * (1 - state.jain) * self._mean_age.weighted_age(state)
-        served = nodes.chosen(state.deliveries, events.heard)
+        age = self._weight * (self._one - state.jain) * self._mean_age.weighted_age(state)
+        served = nodes.chosen(state.deliveries, nodes.place(events.heard))
         overserved = events.delivered & (served > self._ideal_deliveries)
         terms = {
             "age": self._credit.share(age, self._discriminated_age, state),
-            "location": xp.where(events.left_grid, self._location, self._none),
+            "location": pick(xp, self._location, events.left_grid),
             "information": self._fdd(state, events) if self._is_fdd else self._tdd(events),
-            "occurrence": xp.where(overserved, self._occurrence, self._none),
+            "occurrence": pick(xp, self._occurrence, overserved),
         }
         if not self._is_alone:
-            terms["separation"] = xp.where(events.blocked, self._separation, self._none)
+            terms["separation"] = pick(xp, self._separation, events.blocked)
         if settings.unserved_penalty:
             unserved = nodes.sum(xp.astype(state.deliveries == 0, state.age.dtype))
             terms["unserved"] = nodes.alike(-settings.unserved_penalty * unserved)
@@ -106,17 +109,17 @@ class Paper:
 
     def _discriminated_age(self, age: Array, deliveries: Array) -> Array:
         """The age term of (…, nodes) ages and deliveries: (…)."""
-        jain = jain_of(self._xp, deliveries)
-        return -self._settings.age_weight * (1 - jain) * self._mean_age.weighted(age)
+        jain = jain_of(self._xp, deliveries, self._nodes.num_nodes)
+        return self._weight * (self._one - jain) * self._mean_age.weighted(age)
 
     def _fdd(self, state: State, events: Events) -> Array:
         """Eq. `penalty for missed information fdd`: no node, or the wrong one, heard."""
         settings, xp, link = self._settings, self._xp, self._link
-        penalty = self._wrong_node
-        if settings.no_able_node_penalty != settings.wrong_node_penalty:
-            offset = link.offset(state.cell[:, :, None], state.node_cell[:, None, :])
-            able = events.payable_j[:, None, :] > link.at(link.slot_uplink_j, offset)
-            penalty = xp.where(xp.any(able, axis=2), penalty, self._no_able_node)
+        if settings.no_able_node_penalty == settings.wrong_node_penalty:
+            return pick(xp, self._missed, events.delivered)
+        offset = link.offset(state.cell[:, :, None], state.node_cell[:, None, :])
+        able = events.payable_j[:, None, :] > link.at(link.slot_uplink_j, offset)
+        penalty = xp.where(xp.any(able, axis=2), self._wrong_node, self._no_able_node)
         return xp.where(events.delivered, self._none, penalty)
 
     def _tdd(self, events: Events) -> Array:

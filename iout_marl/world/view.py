@@ -6,6 +6,7 @@ from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
 from iout_marl.world.backend import Backend
 from iout_marl.world.link import Link
+from iout_marl.world.nodes import NodeAxis
 from iout_marl.world.state import State
 
 
@@ -18,13 +19,15 @@ class View:
     Args:
         scenario: the scenario.
         link: its links, which know distances.
+        nodes: gathers and scatters over nodes.
         backend: arrays to work with.
     """
 
-    def __init__(self, scenario: Scenario, link: Link, backend: Backend) -> None:
+    def __init__(self, scenario: Scenario, link: Link, nodes: NodeAxis, backend: Backend) -> None:
         range_m = scenario.observation.view_range_m
         self.is_limited = range_m is not None
         self._link = link
+        self._nodes = nodes
         self._backend = backend
         self._range_m = backend.floats(range_m or 0.0)
         self._shape = (scenario.num_auvs, scenario.num_nodes if self.is_limited else 0)
@@ -40,7 +43,13 @@ class View:
         }
 
     def after(
-        self, state: State, cell: Array, age: Array, energy_j: Array, delivered: Array
+        self,
+        state: State,
+        cell: Array,
+        age: Array,
+        energy_j: Array,
+        place: Array,
+        delivered: Array,
     ) -> dict[str, Array]:
         """Fields of the state after a slot.
 
@@ -48,7 +57,8 @@ class View:
             state: the state before it.
             cell: (envs, auvs) codes of the AUVs' new cells.
             age, energy_j: (envs, nodes) ages and stored energies after it.
-            delivered: (envs, auvs, nodes) bool, who delivered to whom.
+            place: (envs, auvs) places of the nodes heard.
+            delivered: (envs, auvs) bool, whether they delivered.
         """
         if not self.is_limited:
             return {
@@ -57,7 +67,7 @@ class View:
                 "seen_slot": state.seen_slot,
             }
         xp = self._backend.xp
-        seen = self.sees(cell, state.node_cell) | delivered
+        seen = self.sees(cell, state.node_cell) | self._nodes.flags(place, delivered)
         slot = xp.astype(state.slot + 1, age.dtype)[:, None, None]
         return {
             "seen_age": xp.where(seen, age[:, None, :], state.seen_age),

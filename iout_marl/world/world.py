@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.physics.arrays import Array
+from iout_marl.physics.arrays import Array, cast
 from iout_marl.scenario import Scenario
 from iout_marl.world.age import advance, jain_index
 from iout_marl.world.backend import Backend
@@ -73,7 +73,7 @@ class World:
         self.nodes = NodeAxis(num_envs, self.num_auvs, self.num_nodes, backend)
         self.duplex = make_duplex(scenario, self.link, (num_envs, self.num_auvs), backend)
         self.access = make_access(scenario, self.link, backend)
-        self.view = View(scenario, self.link, backend)
+        self.view = View(scenario, self.link, self.nodes, backend)
         self.credit = Credit(scenario, self.nodes, backend)
         self.reward_part = make_reward(scenario, self.link, self.nodes, self.credit, backend)
         self.observer = Observer(scenario, self.grid, self.link, backend)
@@ -83,8 +83,10 @@ class World:
             *(self.num_nodes,) * self.duplex.num_choices,
         )
         self._start = self.grid.encode(start_cells(scenario, self.grid))
-        self._maximum_age = backend.floats(float(scenario.age.maximum))
-        self._zero = backend.floats(0.0)
+        self._one_slot = backend.integers(1)
+        # Of every node: NumPy compares two arrays faster than an array and a number.
+        nowhere = backend.zeros((num_envs, self.num_nodes))
+        self._maximum_age = nowhere + float(scenario.age.maximum)
 
     def reset(self, node_cell: npt.NDArray[np.int64]) -> State:
         """The first state of an episode of every environment.
@@ -98,7 +100,7 @@ class World:
         return State(
             slot=backend.integers(np.zeros(envs, dtype=np.int64)),
             cell=backend.integers(np.tile(self._start, (self.num_envs, 1))),
-            node_cell=backend.integers(node_cell),
+            node_cell=backend.with_envs_inside(backend.integers(node_cell)),
             age=backend.zeros(nodes) + float(self.scenario.age.initial),
             energy_j=backend.zeros(nodes),
             deliveries=backend.zeros(nodes),
@@ -129,51 +131,54 @@ class World:
 
         cell, left_grid, blocked = self.motion.move(state.cell, action[..., 0])
 
-        heard_cell = nodes.chosen(state.node_cell, heard)
+        heard_place = nodes.place(heard)
+        heard_cell = nodes.chosen(state.node_cell, heard_place)
         heard_offset = link.offset(cell, heard_cell)
-        heard_hot = nodes.one_hot(heard)
         if self.duplex.num_choices == 1:
-            charged_offset, charged_hot = heard_offset, heard_hot
+            charged_offset, charged_place = heard_offset, heard_place
         else:
-            charged_offset = link.offset(cell, nodes.chosen(state.node_cell, charged))
-            charged_hot = nodes.one_hot(charged)
+            charged_place = nodes.place(charged)
+            charged_offset = link.offset(cell, nodes.chosen(state.node_cell, charged_place))
 
-        stored_j = nodes.chosen(state.energy_j, heard)
+        stored_j = nodes.chosen(state.energy_j, heard_place)
         split = self.duplex.split(charged_offset, heard_offset, stored_j)
         harvested_j = charge(link, charged_offset, split)
-        payable_j = state.energy_j + nodes.total(charged_hot, harvested_j)
+        payable_j = nodes.plus(state.energy_j, charged_place, harvested_j)
 
-        heard_payable_j = nodes.chosen(payable_j, heard)
+        heard_payable_j = nodes.chosen(payable_j, heard_place)
         sends = self.duplex.sends(split, heard_payable_j)
         request = Request(cell, heard, heard_cell, sends, heard_payable_j, heard_offset)
         delivered, spent_j = self.access(request, split)
-        # At the root of the energy balance a rounding may leave less than nothing.
-        energy_j = xp.maximum(payable_j - nodes.total(heard_hot, spent_j), self._zero)
+        # At the root of the energy balance rounding may ask for more than there is.
+        taken_j = xp.minimum(spent_j, heard_payable_j)
+        energy_j = nodes.plus(payable_j, heard_place, -taken_j)
 
-        delivered_hot = heard_hot & delivered[..., None]
-        served = nodes.any(heard_hot, delivered)
-        age, cut_short = advance(xp, state.age, served, self._maximum_age)
-        mean_age = nodes.mean(age)
-        deliveries = xp.where(served, state.deliveries + 1, state.deliveries)
+        # A node delivers to one AUV at most.
+        packets = cast(xp, delivered, state.age.dtype)
+        overcome = -packets * nodes.chosen(state.age, heard_place)
+        age, uncut = advance(xp, nodes.plus(state.age, heard_place, overcome), self._maximum_age)
+        # Whole numbers, whose sums are exact.
+        total_age = nodes.sum(age)
+        cut_short = nodes.sum(uncut) - total_age
+        mean_age = total_age / nodes.num_nodes
+        deliveries = nodes.plus(state.deliveries, heard_place, packets)
 
         new_state = State(
-            slot=state.slot + 1,
+            slot=state.slot + self._one_slot,
             cell=cell,
             node_cell=state.node_cell,
             age=age,
             energy_j=energy_j,
             deliveries=deliveries,
             mean_age=mean_age,
-            jain=jain_index(
-                xp, nodes.sum(deliveries), xp.vecdot(deliveries, deliveries), self.num_nodes
-            ),
+            jain=jain_index(xp, nodes.sum(deliveries), nodes.sum(deliveries**2), nodes.num_nodes),
             age_sum=state.age_sum + mean_age,
-            peak_age=xp.maximum(state.peak_age, xp.max(age, axis=-1)),
-            capped_ages=state.capped_ages + nodes.sum(cut_short),
+            peak_age=xp.maximum(state.peak_age, nodes.max(age)),
+            capped_ages=state.capped_ages + cut_short,
             harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
             spent_j=state.spent_j + _over_auvs(xp, spent_j),
-            **self.view.after(state, cell, age, energy_j, delivered_hot),
-            **self.credit.after(state, delivered_hot),
+            **self.view.after(state, cell, age, energy_j, heard_place, delivered),
+            **self.credit.after(state, heard_place, delivered),
         )
         events = Events(
             left_grid=left_grid,
@@ -200,8 +205,26 @@ class World:
         return total
 
     def observe(self, state: State) -> Array:
-        """Observations of every AUV, (envs, auvs, entries), in the world's floating type."""
+        """Observations of every AUV, (envs, auvs, entries), in the world's floating type.
+
+        A fresh array each time, with the environments next to one another in memory, as
+        by `Backend.with_envs_inside`.
+        """
         return self.observer.observe(state)
+
+    def slot(self, state: State, action: Array) -> tuple[State, Array, Array]:
+        """All of a slot that a learner needs: the state after it, rewards and observations.
+
+        On torch it compiles into one graph, several times as fast as the calls one by one:
+
+            slot = torch.compile(world.slot, fullgraph=True)
+            state, reward, observation = slot(state, action)
+
+        Args:
+            state, action: as for `step`.
+        """
+        state, events = self.step(state, action)
+        return state, self.reward(state, events), self.observe(state)
 
     def metrics(self, state: State) -> dict[str, Array]:
         """What an episode is judged by, up to `state`: (envs,) each.

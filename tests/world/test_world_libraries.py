@@ -1,12 +1,16 @@
 """The same lines of the world on every array library, device and compiler."""
 
+import os
+import shutil
+import sys
+
 import array_api_strict
 import numpy as np
 import pytest
 import torch
 
 from iout_marl.scenario import load_scenario
-from iout_marl.world import State, World, node_codes
+from iout_marl.world import World, node_codes
 
 WORLDS = {
     "fdd": ("paper/k3-fdd", {}),
@@ -92,22 +96,63 @@ def test_single_precision_stays_single(case, library):
 
 
 # array_api_compat caches which library an array is of; the compiler looks through that.
-@pytest.mark.filterwarnings("ignore:Dynamo detected a call to a `functools.lru_cache`")
+LOOKS_THROUGH_A_CACHE = pytest.mark.filterwarnings(
+    "ignore:Dynamo detected a call to a `functools.lru_cache`"
+)
+
+
+@LOOKS_THROUGH_A_CACHE
 @pytest.mark.parametrize("case", WORLDS)
-def test_a_step_compiles_into_one_graph(case):
+def test_a_slot_compiles_into_one_graph(case):
     world, state = make_world(case, 2, library=torch)
-
-    def step(state: State, action):
-        state, events = world.step(state, action)
-        return state, world.reward(state, events), world.observe(state)
-
     torch.compiler.reset()
-    compiled = torch.compile(step, fullgraph=True, backend="eager")
+    compiled = torch.compile(world.slot, fullgraph=True, backend="eager")
     for action in random_actions(world, 3):
         tensors = torch.from_numpy(action)
-        expected = step(state, tensors)
+        expected = world.slot(state, tensors)
         result = compiled(state, tensors)
         assert torch.equal(result[0].energy_j, expected[0].energy_j)
         assert torch.equal(result[1], expected[1])
         assert torch.equal(result[2], expected[2])
         state = result[0]
+
+
+CXX = os.environ.get("CXX", "clang++" if sys.platform == "darwin" else "g++")
+
+
+@LOOKS_THROUGH_A_CACHE
+@pytest.mark.filterwarnings("ignore:`torch.jit.script_method` is deprecated:DeprecationWarning")
+@pytest.mark.skipif(shutil.which(CXX) is None, reason=f"no C++ compiler {CXX}")
+@pytest.mark.parametrize("case", ["fdd", "stored-rule", "three-auvs"])
+def test_a_compiled_world_does_what_numpy_does_over_an_episode(case):
+    reference, expected = make_world(case, 3)
+    world, state = make_world(case, 3, library=torch)
+    torch.compiler.reset()
+    slot = torch.compile(world.slot, fullgraph=True)
+    for action in random_actions(world, world.num_slots):
+        expected, *expected_results = reference.slot(expected, action)
+        state, *results = slot(state, torch.from_numpy(action))
+        for name, value in expected._asdict().items():
+            np.testing.assert_allclose(
+                getattr(state, name), value, rtol=1e-9, atol=1e-9, err_msg=name
+            )
+        for result, value in zip(results, expected_results, strict=True):
+            np.testing.assert_allclose(result, value, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("library", [np, array_api_strict, torch], ids=["numpy", "strict", "torch"])
+@pytest.mark.parametrize("case", WORLDS)
+def test_states_in_any_memory_order_lead_to_the_same(case, library):
+    world, state = make_world(case, 3, library=library)
+    other = state
+    for numbers in random_actions(world, 20):
+        action = world.backend.integers(numbers)
+        state, reward, observation = world.slot(state, action)
+        rows_inside = other.map(lambda a: library.asarray(np.array(as_numpy(a), order="C")))
+        other, other_reward, other_observation = world.slot(rows_inside, action)
+        for name, value in state._asdict().items():
+            np.testing.assert_array_equal(
+                as_numpy(getattr(other, name)), as_numpy(value), err_msg=name
+            )
+        np.testing.assert_array_equal(as_numpy(other_reward), as_numpy(reward))
+        np.testing.assert_array_equal(as_numpy(other_observation), as_numpy(observation))
