@@ -21,7 +21,7 @@ class Moments(NamedTuple):
     def of(cls, values: Tensor, dims: tuple[int, ...], group: Group) -> Moments:
         """Those of a group's values over some of their axes; float64."""
         values = values.double()
-        number = values.new_tensor(float(group.size))
+        number = values.new_full((), float(group.size))
         for dim in dims:
             number = number * values.shape[dim]
         mean = group.sum(values.sum(dims)) / number
@@ -43,4 +43,4 @@ class Moments(NamedTuple):
     def none(cls, shape: tuple[int, ...], device: torch.device) -> Moments:
         """Those of no values."""
         zeros = torch.zeros(shape, dtype=torch.float64, device=device)
-        return cls(zeros, zeros, zeros.new_tensor(0.0))
+        return cls(zeros, zeros, zeros.new_zeros(()))

@@ -16,6 +16,8 @@ from trainers.group import Group
 from trainers.laps import Laps
 from trainers.networks import ActorCritic, uniform_noise
 
+#: Where the world runs on NumPy; elsewhere on torch.
+NUMPY_DEVICES = ("cpu",)
 #: Of which the critic judges all environments in one go: what a processor's cache holds.
 _SLOTS_AT_ONCE = 10
 
@@ -77,13 +79,13 @@ class Simulation:
         #: Axis of the policies, where there are several.
         self.replicas = (len(seeds),) if len(seeds) > 1 else ()
         self._shape = (*self.replicas, own_envs)
-        on_cpu = device.type == "cpu"
+        on_numpy = device.type in NUMPY_DEVICES
         self.world = World(
             scenarios[0],
             len(seeds) * own_envs,
-            library=np if on_cpu else torch,
+            library=np if on_numpy else torch,
             dtype="float32",
-            device=None if on_cpu else device,
+            device=None if on_numpy else device,
         )
         self.layout_rngs = [np.random.default_rng(seed) for seed in seeds]
         self.generators = [torch.Generator(device).manual_seed(seed) for seed in seeds]

@@ -1,0 +1,131 @@
+"""Training where the world runs on torch: on a GPU where there is one, as far as a CPU can tell."""
+
+import pytest
+import torch
+from torch.utils._python_dispatch import TorchDispatchMode
+
+from iout_marl import evaluate
+from trainers import TrainedPolicy, Trainer, rollout
+
+needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
+TWO_AUVS = {"auvs.start_cells": [[2, 1, 1], [1, 2, 1]]}
+VARIANTS = {
+    "plain": {},
+    "tdd, masks, running normalisers": {
+        "duplex.kind": "tdd",
+        "training.mask_actions": True,
+        "training.observation_scaling": "running",
+        "training.reward_scaling": "running",
+    },
+    "random layouts, paper's reward": {
+        "nodes": {"kind": "random", "count": 2},
+        "reward.kind": "paper",
+    },
+    "two auvs, a critic that sees more, a network for nodes": {
+        **TWO_AUVS,
+        "channel.access": "interference",
+        "training.critic": "central",
+        "training.node_network": True,
+        "reward.credit": "difference",
+    },
+}
+#: Operations whose result the host waits for.
+WAITS = {
+    "aten::_local_scalar_dense",
+    "aten::nonzero",
+    "aten::masked_select",
+    "aten::equal",
+    "aten::is_nonzero",
+    "aten::_unique2",
+}
+
+
+class NoWaiting(TorchDispatchMode):
+    """Fails where the host would wait for the device."""
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):
+        assert func._schema.name not in WAITS, f"{func._schema.name} waits for the device"
+        return func(*args, **(kwargs or {}))
+
+
+@pytest.fixture
+def on_torch(monkeypatch):
+    monkeypatch.setattr(rollout, "NUMPY_DEVICES", ())
+
+
+@pytest.fixture(params=VARIANTS.values(), ids=list(VARIANTS))
+def scenario(request, tiny):
+    return tiny(request.param)
+
+
+def assert_alike(first, second, tolerance):
+    for name, tensor in first.items():
+        torch.testing.assert_close(
+            tensor.cpu(), second[name].cpu(), rtol=tolerance, atol=tolerance, msg=name
+        )
+
+
+def test_learns_the_same_as_on_numpy(scenario, monkeypatch):
+    on_numpy = Trainer(scenario, seed=2)
+    monkeypatch.setattr(rollout, "NUMPY_DEVICES", ())
+    on_torch = Trainer(scenario, seed=2)
+    for _ in range(3):
+        on_numpy.iterate(), on_torch.iterate()
+    assert isinstance(on_torch.simulation.state.age, torch.Tensor)
+    assert_alike(on_torch.weights(), on_numpy.weights(), 1e-4)
+
+
+@pytest.mark.usefixtures("on_torch")
+@pytest.mark.parametrize("replicas", [1, 2])
+def test_host_never_waits_within_an_iteration(scenario, replicas):
+    trainer = Trainer(scenario, replicas=replicas)
+    trainer.iterate_all()
+    with NoWaiting():
+        trainer.iterate_all()
+
+
+@pytest.mark.usefixtures("on_torch")
+def test_the_check_for_waiting_can_fail(tiny):
+    trainer = Trainer(tiny({"training.target_kl": 1.0}))  # compared on the host
+    with (
+        pytest.raises(AssertionError, match="_local_scalar_dense waits for the device"),
+        NoWaiting(),
+    ):
+        trainer.iterate_all()
+
+
+@needs_cuda
+def test_gpu_learns_the_same_as_the_cpu_from_the_same_numbers(scenario, monkeypatch):
+    on_cpu = Trainer(scenario, seed=2)
+    # Generators differ between devices: both get the numbers of the CPU's.
+    uniform, randperm = rollout.uniform_noise, torch.randperm
+    monkeypatch.setattr(
+        rollout,
+        "uniform_noise",
+        lambda shape, generator: uniform(
+            shape, torch.Generator().manual_seed(generator.initial_seed())
+        ).to(generator.device),
+    )
+    monkeypatch.setattr(
+        torch,
+        "randperm",
+        lambda count, generator, device: randperm(
+            count, generator=torch.Generator().manual_seed(generator.initial_seed())
+        ).to(device),
+    )
+    on_gpu = Trainer(scenario, seed=2, device="cuda")
+    on_cpu.iterate(), on_gpu.iterate()
+    assert on_gpu.simulation.state.age.is_cuda
+    assert_alike(on_gpu.weights(), on_cpu.weights(), 1e-3)
+
+
+@needs_cuda
+def test_gpu_trains_saves_and_plays(scenario):
+    trainer = Trainer(scenario, replicas=2, device="cuda")
+    trainer.iterate_all()
+    again = Trainer(scenario, replicas=2, device="cuda")
+    again.load_state_dict(*(trainer.state_dict(i) for i in range(2)))
+    assert_alike(again.weights(1), trainer.weights(1), 0.0)
+    alone = Trainer(scenario, device="cuda")
+    alone.iterate()
+    assert evaluate(scenario, TrainedPolicy(alone.network), 2).metrics["mean_aoi"].mean > 0
