@@ -104,9 +104,10 @@ def test_losses_are_those_of_the_clipped_surrogate(tiny):
         # As if the policy had moved since: some ratios are clipped, some are not.
         "log_probability": rollout.log_probability.flatten()
         + torch.from_numpy(rng.normal(0, 0.2, samples)).float(),
-        "advantage": torch.from_numpy(rng.normal(3, 2, samples)).float(),
         "returns": torch.from_numpy(rng.normal(0, 1, samples)).float(),
     }
+    raw = torch.from_numpy(rng.normal(3, 2, samples)).float()
+    (batch["advantage"],) = trainer._normalised(raw, [(torch.arange(samples), samples)])
     with torch.no_grad():
         scores = trainer.network.scores(batch["inputs"], batch["mask"])
         policy = trainer.network.log_probabilities(scores)
@@ -115,8 +116,7 @@ def test_losses_are_those_of_the_clipped_surrogate(tiny):
     found = {k: float(v) for k, v in trainer._step(batch, samples, 1e-3).items()}
 
     ratio = (now - batch["log_probability"]).exp().tolist()
-    advantage = batch["advantage"]
-    advantage = ((advantage - advantage.mean()) / advantage.std()).tolist()
+    advantage = ((raw - raw.mean()) / raw.std()).tolist()
     surrogate = [
         min(r * a, min(max(r, 0.9), 1.1) * a) for r, a in zip(ratio, advantage, strict=True)
     ]

@@ -24,7 +24,7 @@ from trainers.functions import policy_loss
 from trainers.group import Group
 from trainers.laps import Laps
 from trainers.moments import Moments
-from trainers.networks import ActorCritic, Scaler, stacked
+from trainers.networks import ActorCritic, Scaler, aligned, stacked
 from trainers.returns import RewardScale, advantages
 from trainers.rollout import Rollout, Simulation
 
@@ -221,11 +221,21 @@ class Trainer:
         learning_rate = self._learning_rate()
         logs: list[dict[str, Tensor]] = []
         for _ in range(settings.epochs):
-            for index, samples in self._minibatches(data["returns"].shape[-1]):
-                logs.append(self._step(_taken(data, index), samples, learning_rate))
-            if settings.target_kl is not None and float(logs[-1]["kl"]) > settings.target_kl:
+            minibatches = list(self._minibatches(data["returns"].shape[-1]))
+            normalised = self._normalised(data["advantage"], minibatches)
+            for (index, samples), advantage in zip(minibatches, normalised, strict=True):
+                batch = {name: _taken(values, index) for name, values in data.items()}
+                batch["advantage"] = advantage
+                logs.append(self._step(batch, samples, learning_rate))
+            if settings.target_kl is not None and self._mean_kl(logs[-1]) > settings.target_kl:
                 break
-        return {f"ppo/{k}": torch.stack([log[k] for log in logs]).mean(0) for k in logs[0]}
+        norms = torch.stack([log.pop("gradient_norm") for log in logs])
+        sums = self.group.sum(torch.stack([torch.stack([*log.values()]) for log in logs]))
+        figures = dict(zip(logs[0], sums.mean(0), strict=True))
+        return {f"ppo/{k}": v for k, v in {**figures, "gradient_norm": norms.mean(0)}.items()}
+
+    def _mean_kl(self, log: dict[str, Tensor]) -> float:
+        return float(self.group.sum(log["kl"].clone()))
 
     def _minibatches(self, own_samples: int) -> Iterator[tuple[Tensor, int]]:
         """Indices of samples, (samples) or (replicas, samples), and how many all have of them."""
@@ -249,22 +259,34 @@ class Trainer:
         is_own = (place >= own.start) & (place < own.stop)
         return (slot * (own.stop - own.start) + place - own.start)[is_own]
 
-    def _normalised(self, advantage: Tensor, samples: int) -> Tensor:
-        """The advantages of a minibatch, of mean 0 and spread 1 over all of its samples."""
-        if not self.settings.normalise_advantage or samples < 2:
-            return advantage
-        total = self.group.sum(advantage.sum(-1, keepdim=True))
-        deviation = advantage - total / samples
-        squares = self.group.sum(deviation.square().sum(-1, keepdim=True))
-        return deviation / ((squares / (samples - 1)).sqrt() + 1e-8)
+    def _normalised(self, advantage: Tensor, minibatches: list[tuple[Tensor, int]]) -> list[Tensor]:
+        """The advantages of each minibatch, of mean 0 and spread 1 over all of its samples."""
+        parts = [_taken(advantage, index) for index, _ in minibatches]
+        if not self.settings.normalise_advantage:
+            return parts
+        exact = [part.double() for part in parts]
+        sums = torch.stack([torch.stack([e.sum(-1), e.square().sum(-1)]) for e in exact])
+        normalised = []
+        for part, (total, squares), (_, samples) in zip(
+            parts, self.group.sum(sums), minibatches, strict=True
+        ):
+            if samples > 1:
+                mean = total / samples
+                spread = ((squares - samples * mean**2) / (samples - 1)).clamp_min(0).sqrt()
+                mean, spread = mean.float(), spread.float() + 1e-8
+                part = (part - aligned(mean, part)) / aligned(spread, part)  # noqa: PLW2901
+            normalised.append(part)
+        return normalised
 
     def _step(
         self, batch: dict[str, Tensor], samples: int, learning_rate: float
     ) -> dict[str, Tensor]:
         """One step of the optimiser on a minibatch (eq. `total loss function`).
 
+        What it returns for the log are this process's parts of sums over all.
+
         Args:
-            batch: this process's part of the minibatch.
+            batch: this process's part of the minibatch, the advantages normalised.
             samples: size of the whole minibatch, of each policy.
             learning_rate: of this step.
         """
@@ -273,7 +295,7 @@ class Trainer:
             network.scores(batch["inputs"], batch.get("mask")),
             batch["action"],
             batch["log_probability"],
-            self._normalised(batch["advantage"], samples),
+            batch["advantage"],
             settings.clip,
             settings.entropy_coefficient,
             samples,
@@ -286,10 +308,7 @@ class Trainer:
         gradient, norm = clipped(gradient, settings.max_gradient_norm)
         self.optimizer.step(gradient, learning_rate)
         log = {**of_policy._asdict(), "value_loss": value_loss, "loss": loss}
-        log = {name: value.detach() for name, value in log.items()}
-        sums = self.group.sum(torch.stack(list(log.values())))
-        log = dict(zip(log, sums, strict=True))
-        return {**log, "gradient_norm": norm}
+        return {**{name: value.detach() for name, value in log.items()}, "gradient_norm": norm}
 
     def state_dict(self, policy: int = 0) -> dict[str, Any]:
         """All that the training of one policy goes on from, as tensors and plain values.
@@ -340,12 +359,11 @@ def _check_shares(settings: Training, replicas: int, group: Group) -> None:
         )
 
 
-def _taken(data: dict[str, Tensor], index: Tensor) -> dict[str, Tensor]:
+def _taken(values: Tensor, index: Tensor) -> Tensor:
     """The samples at (samples) or (replicas, samples) indices."""
     if index.ndim == 1:
-        return {name: values.index_select(0, index) for name, values in data.items()}
-    policy = torch.arange(len(index), device=index.device)[:, None]
-    return {name: values[policy, index] for name, values in data.items()}
+        return values.index_select(0, index)
+    return values[torch.arange(len(index), device=index.device)[:, None], index]
 
 
 def make_network(
