@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import math
+import time
 from dataclasses import dataclass
 from typing import Any
 
+from iout_marl.bounds.ascent import climb
 from iout_marl.bounds.certificate import Certificate, verified_age_sum
+from iout_marl.bounds.energy import FINE
 from iout_marl.bounds.field import Field, is_covered
 from iout_marl.bounds.opening import search
 from iout_marl.bounds.scheduling import least_age_sum
-from iout_marl.scenario import RandomNodes, Scenario
+from iout_marl.bounds.sharing import fits, oldest_age
+from iout_marl.scenario import RandomNodes, Scenario, Tdd
 
 #: Seconds to search for, unless told otherwise.
-SECONDS = 30.0
+SECONDS = 60.0
+#: What the search's floating-point sums of ages may be too high by; more than enough.
+ROUNDING_SLOTS = 0.05
 
 
 @dataclass(frozen=True)
@@ -70,24 +77,45 @@ def bound(scenario: Scenario, best_known: float | None = None, seconds: float = 
     certificate = Certificate(scenario.world_hash, scheduled)
     energy_and_travel = None
     if is_covered(scenario):
-        field = Field.of(scenario)
-        highest = node_slots * (scenario.age.maximum if best_known is None else best_known)
-        found = search(field, scheduled, round(highest), seconds)
-        energy_and_travel = found / node_slots
-        if found > scheduled:
-            certificate = Certificate(scenario.world_hash, found, tuple(field.levels_j[:-1]))
+        highest = round(node_slots * (best_known or scenario.age.maximum))
+        is_tdd = isinstance(scenario.duplex, Tdd)
+        deadline = time.monotonic() + seconds
+        certificate = _opening(scenario, certificate, highest, seconds / 4 if is_tdd else seconds)
+        if is_tdd:
+            certificate = _sharing(scenario, certificate, deadline - time.monotonic())
+        energy_and_travel = certificate.age_sum / node_slots
+    verified_age_sum(scenario, certificate)
     return Bound(
         scenario=scenario.name,
         scenario_hash=scenario.hash,
         scheduling=scheduled / node_slots,
         energy_and_travel=energy_and_travel,
         validity=_validity(scenario),
-        certificate=Certificate(
-            certificate.world_hash,
-            verified_age_sum(scenario, certificate),
-            certificate.levels_j,
-        ),
+        certificate=certificate,
     )
+
+
+def _opening(scenario: Scenario, known: Certificate, highest: int, seconds: float) -> Certificate:
+    """The opening bound's certificate, if it is higher than what is known."""
+    field = Field.of(scenario)
+    found = search(field, known.age_sum, highest, seconds)
+    if found <= known.age_sum:
+        return known
+    return Certificate(scenario.world_hash, found, tuple(field.levels_j[:-1].tolist()))
+
+
+def _sharing(scenario: Scenario, known: Certificate, seconds: float) -> Certificate:
+    """The sharing bound's certificate, if it is higher than what is known."""
+    field = Field.of(scenario, FINE)
+    if not fits(field):
+        return known
+    found, prices = climb(field, seconds)
+    # Sums of ages are whole numbers; the search's own are rounded.
+    age_sum = math.ceil(found - ROUNDING_SLOTS)
+    if age_sum <= known.age_sum:
+        return known
+    levels_j = tuple(field.levels_j[:-1].tolist())
+    return Certificate(scenario.world_hash, age_sum, levels_j, prices, oldest_age(field))
 
 
 def _validity(scenario: Scenario) -> str:

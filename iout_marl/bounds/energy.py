@@ -21,11 +21,20 @@ from iout_marl.world import World, node_codes
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-#: The ladder: steps of a part of the largest harvest of a slot, then wider ones.
-FINE_STEPS = 15
-FINE_STEP_SHARE = 0.024
-WIDER_BY = 1.12
-TOP_SHARE = 1.8
+
+class Ladder(NamedTuple):
+    """A ladder of levels in shares of the largest harvest of a slot."""
+
+    step: float  # lowest levels: multiples of this,
+    num_steps: int  # so many of them;
+    wider_by: float  # from there each is the one below times this,
+    top: float  # up to here; the last is without limit
+
+
+#: Few levels, for bounds that list states of all nodes together.
+COARSE = Ladder(step=0.024, num_steps=15, wider_by=1.12, top=1.8)
+#: Many, for bounds that take the nodes one by one.
+FINE = Ladder(step=0.012, num_steps=30, wider_by=1.08, top=3.0)
 #: Error allowed per slot for the world's floating-point sums, as a share of the energies.
 ROUNDING = 1e-11
 
@@ -43,12 +52,11 @@ class Tables(NamedTuple):
     both: Integers | None
 
 
-def ladder_j(largest_harvest_j: float) -> Floats:
+def ladder_j(ladder: Ladder, largest_harvest_j: float) -> Floats:
     """(levels,) energies in J, from 0 to infinity."""
-    step = FINE_STEP_SHARE * largest_harvest_j
-    levels = [i * step for i in range(FINE_STEPS + 1)]
-    while levels[-1] < TOP_SHARE * largest_harvest_j:
-        levels.append(levels[-1] * WIDER_BY)
+    levels = [i * ladder.step * largest_harvest_j for i in range(ladder.num_steps + 1)]
+    while levels[-1] < ladder.top * largest_harvest_j:
+        levels.append(levels[-1] * ladder.wider_by)
     return np.array([*levels, np.inf])
 
 

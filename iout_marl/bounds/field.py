@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.bounds.energy import Tables, ladder_j, make_tables, tolerance_j
+from iout_marl.bounds.energy import COARSE, Ladder, Tables, ladder_j, make_tables, tolerance_j
 from iout_marl.scenario import RandomNodes, Scenario
 from iout_marl.world import World, node_codes
 
@@ -39,8 +39,8 @@ class Field:
     distance_m: Floats
 
     @classmethod
-    def of(cls, scenario: Scenario) -> Field:
-        """The game of a scenario, by `is_covered`."""
+    def of(cls, scenario: Scenario, ladder: Ladder = COARSE) -> Field:
+        """The game of a scenario that `is_covered`, with energies on that ladder."""
         world = World(scenario)
         cells = world.grid.encode(world.grid.all_coordinates())
         index = np.zeros(world.grid.num_codes, dtype=np.int64)
@@ -48,7 +48,7 @@ class Field:
         state = world.reset(node_codes(scenario, world.grid, [np.random.default_rng(0)]))
         offset = world.link.offset(cells[None, :], state.node_cell[0][:, None])
         harvest_j = float(world.link.at(world.link.harvested_w, offset).max()) * world.link.slot_s
-        levels_j = ladder_j(harvest_j)
+        levels_j = ladder_j(ladder, harvest_j)
         return cls(
             scenario=scenario,
             levels_j=levels_j,

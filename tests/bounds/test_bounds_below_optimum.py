@@ -24,7 +24,7 @@ def test_bounds_stay_below_the_optimum(duplex, rule, motion, nodes, slots, seed)
     rng = np.random.default_rng([seed, nodes, slots, duplex == "tdd", rule == "stored"])
     scenario = small_world(rng, duplex, motion, nodes, slots, rule)
     optimum = least_age_sum(scenario)
-    found = bound(scenario, seconds=2)
+    found = bound(scenario, seconds=1)
     node_slots = nodes * slots
     assert found.scheduling * node_slots <= optimum + 1e-9
     assert found.energy_and_travel * node_slots <= optimum + 1e-9
