@@ -19,7 +19,7 @@ from iout_marl.scenario import RandomNodes, Scenario, Tdd
 #: Seconds to search for, unless told otherwise.
 SECONDS = 60.0
 #: What the search's floating-point sums of ages may be too high by; more than enough.
-ROUNDING_SLOTS = 0.05
+ROUNDING_SLOTS = 0.5
 
 
 @dataclass(frozen=True)

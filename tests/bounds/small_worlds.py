@@ -6,7 +6,9 @@ from iout_marl import load_scenario
 from iout_marl.world import State, World, node_codes
 
 
-def small_world(rng, duplex="fdd", motion="six", nodes=2, slots=5, rule="paper", auvs=1):
+def small_world(
+    rng, duplex="fdd", motion="six", nodes=2, slots=5, rule="paper", auvs=1, access="orthogonal"
+):
     """A 3 × 3 × 1 grid with wide cells, on which energy binds."""
     cells = rng.permutation([(x, y, 1) for x in (1, 2, 3) for y in (1, 2, 3)])
     spacing_m = float(rng.uniform(100, 450))
@@ -18,6 +20,7 @@ def small_world(rng, duplex="fdd", motion="six", nodes=2, slots=5, rule="paper",
         "auvs.start_cells": cells[-auvs:].tolist(),
         "auvs.motion": motion,
         "auvs.separation_cells": 0,
+        "channel.access": access,
         "episode.duration_s": slots * spacing_m / 4,
         "charging.power_w": float(2000 * 10 ** rng.uniform(-1.3, 0.3)),
         "age.initial": int(rng.integers(1, 4)),
