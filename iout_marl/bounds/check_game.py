@@ -54,13 +54,14 @@ def finite_game(scenario: Scenario, levels_j: tuple[float, ...]) -> Game:
     state = world.reset(node_codes(scenario, world.grid, [np.random.default_rng(0)]))
     levels = [_units(level) for level in levels_j]
     make = _time_division if isinstance(scenario.duplex, Tdd) else _frequency_division
+    tolerance = _tolerance(world, levels)
     tables, distances = [], []
     known: dict[int, list[list[int]]] = {}
     for node_code in state.node_cell[0].tolist():
         offsets = [int(world.link.offset(code, node_code)) for code in codes]
         for offset in offsets:
             if offset not in known:
-                known[offset] = make(world, offset, levels)
+                known[offset] = make(world, offset, levels, tolerance)
         rows = zip(*(known[offset] for offset in offsets), strict=True)
         tables.append([np.array(table) for table in rows])
         distances.append(world.link.distance_m[offsets])
@@ -78,15 +79,16 @@ def _units(energy_j: float) -> int:
 
 
 def _tolerance(world: World, levels: list[int]) -> int:
-    largest = max(_units(p * world.link.slot_s) for p in world.link.harvested_w.tolist())
+    largest = _units(float(world.link.harvested_w.max()) * world.link.slot_s)
     return int(world.num_slots * ROUNDING * (levels[-1] + largest)) + 1
 
 
-def _frequency_division(world: World, offset: int, levels: list[int]) -> list[list[int]]:
+def _frequency_division(
+    world: World, offset: int, levels: list[int], tolerance: int
+) -> list[list[int]]:
     """Levels after charging, after delivering, and after both."""
     harvest = _units(float(world.link.harvested_w[offset]) * world.link.slot_s) + 1
     price = _units(float(world.link.slot_uplink_j[offset]))
-    tolerance = _tolerance(world, levels)
     infinite = len(levels)
 
     def paid(energy: int) -> int:
@@ -99,7 +101,7 @@ def _frequency_division(world: World, offset: int, levels: list[int]) -> list[li
     ]
 
 
-def _time_division(world: World, offset: int, levels: list[int]) -> list[list[int]]:
+def _time_division(world: World, offset: int, levels: list[int], tolerance: int) -> list[list[int]]:
     """Levels after naming the node in vain, and after it has delivered."""
     scenario, link = world.scenario, world.link
     duplex = scenario.duplex
@@ -117,7 +119,6 @@ def _time_division(world: World, offset: int, levels: list[int]) -> list[list[in
         _units(harvested_w * link.slot_s) + 1,
         _units(float(link.slot_uplink_j[offset])),
     )
-    tolerance = _tolerance(world, levels)
     least, most = _units(gain_j(low)), _units(most_j) + tolerance
     # The paper's rule has a root where the gain rises through 0, whatever is stored.
     has_root = duplex.beta_rule == "paper" and least <= tolerance and most >= -tolerance

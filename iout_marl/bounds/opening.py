@@ -22,7 +22,7 @@ Integers = npt.NDArray[np.int64]
 
 #: States that a layer may hold; beyond, those nearest to the target are given up, and the
 #: target with them.
-WIDTH = 40_000
+WIDTH = 150_000
 #: By how much the first target lies above what is proven; the next by twice as much.
 FIRST_STRIDE = 4
 #: Rows that are compared with each row of their group in the search for one that is better.

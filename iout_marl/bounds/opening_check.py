@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from iout_marl.bounds.check_game import Game, Integers
 from iout_marl.scenario import Scenario
 
+#: Whole numbers of any size.
+Rows = npt.NDArray[Any]
 #: By the node that delivers, if any: the ways to it, each as tables by which nodes' levels move.
 Outcomes = dict[int | None, list[list[tuple[int, Integers]]]]
 
 
-def oldest_first(ages: Integers, num_slots: int, maximum: int, resets: int) -> Integers:
+def oldest_first(ages: Rows, num_slots: int, maximum: int, resets: int) -> Integers:
     """Sums of ages if the oldest are reset in every slot, played out slot by slot."""
     total = np.zeros(len(ages), dtype=np.int64)
     for slot in range(num_slots):
@@ -33,13 +38,17 @@ def check_opening(scenario: Scenario, game: Game, target: int) -> None:
     num_nodes, maximum = scenario.num_nodes, scenario.age.maximum
     outcomes = _outcomes(game)
     dead = game.tables[0][0].shape[1]
+    if num_nodes * scenario.num_slots * maximum >= np.iinfo(np.int32).max:
+        raise ValueError("sums of ages may be too large for the check")
     # A row: cell, levels, ages, sum of ages.
-    rows = np.array([[game.start] + [0] * num_nodes + [scenario.age.initial] * num_nodes + [0]])
+    rows: Rows = np.array(
+        [[game.start] + [0] * num_nodes + [scenario.age.initial] * num_nodes + [0]], dtype=np.int32
+    )
     for slot in range(scenario.num_slots):
         rows = _distinct(np.concatenate([_moved(rows, column) for column in game.neighbours.T]))
         after = []
         for heard, choices in outcomes.items():
-            new = rows.copy()
+            new = rows[_able(rows, heard, choices, dead)]
             ages = new[:, 1 + num_nodes : -1]
             ages += 1
             if heard is not None:
@@ -62,14 +71,24 @@ def check_opening(scenario: Scenario, game: Game, target: int) -> None:
     raise ValueError(f"{len(rows)} ways through the episode may end below {target}")
 
 
-def _moved(rows: Integers, next_cell: Integers) -> Integers:
+def _able(
+    rows: Rows, heard: int | None, choices: list[list[tuple[int, Integers]]], dead: int
+) -> npt.NDArray[np.bool_]:
+    """In which rows the node heard can pay in any of the ways."""
+    able = np.full(len(rows), heard is None)
+    for table in {id(t): t for tables in choices for node, t in tables if node == heard}.values():
+        able |= table[rows[:, 0], rows[:, 1 + (heard or 0)]] < dead
+    return able
+
+
+def _moved(rows: Rows, next_cell: Integers) -> Rows:
     moved = rows.copy()
     moved[:, 0] = next_cell[rows[:, 0]]
     return moved
 
 
-def _distinct(rows: Integers) -> Integers:
-    packed = np.ascontiguousarray(rows.astype(np.int32))
+def _distinct(rows: Rows) -> Rows:
+    packed = np.ascontiguousarray(rows)
     _, first = np.unique(packed.view(f"V{packed.itemsize * rows.shape[1]}"), return_index=True)
     return rows[first]
 
