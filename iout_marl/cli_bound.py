@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from iout_marl.bounds import Bound, bound
-from iout_marl.bounds.bound import SECONDS
 from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
 from iout_marl.cli_studies import Overrides
 from iout_marl.files import write_text
 from iout_marl.scenario import RandomNodes, load_scenario
+
+if TYPE_CHECKING:
+    from iout_marl.bounds import Bound
 
 #: What is best known without any training.
 STRONGEST = ("tour", "planner")
@@ -36,7 +37,7 @@ def bound_command(
     ] = None,
     seconds: Annotated[
         float, typer.Option(min=0, help="Time to search for a higher bound, about.")
-    ] = SECONDS,
+    ] = 60.0,
     json_file: Annotated[
         Path | None,
         typer.Option("--json", metavar="FILE", help="Also write the figures as JSON; - prints it."),
@@ -44,6 +45,8 @@ def bound_command(
     overrides: Overrides = None,
 ) -> None:
     """Print a mean AoI that no policy can beat, checked, and how far policies are from it."""
+    from iout_marl.bounds import bound
+
     names = [*STRONGEST, *(name for name in policy or [] if name not in STRONGEST)]
     loaded = with_layout_of_runs(load_scenario(scenario, overrides or []), names, transfer=False)
     episodes = RANDOM_EPISODES if isinstance(loaded.nodes, RandomNodes) else 1

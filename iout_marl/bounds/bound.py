@@ -16,8 +16,6 @@ from iout_marl.bounds.scheduling import least_age_sum
 from iout_marl.bounds.sharing import fits, oldest_age
 from iout_marl.scenario import RandomNodes, Scenario, Tdd
 
-#: Seconds to search for, unless told otherwise.
-SECONDS = 60.0
 #: What the search's floating-point sums of ages may be too high by; more than enough.
 ROUNDING_SLOTS = 0.5
 
@@ -64,7 +62,7 @@ class Bound:
         }
 
 
-def bound(scenario: Scenario, best_known: float | None = None, seconds: float = SECONDS) -> Bound:
+def bound(scenario: Scenario, best_known: float | None = None, seconds: float = 60.0) -> Bound:
     """Bounds on the mean AoI of any policy, verified by `verified_age_sum`.
 
     Args:

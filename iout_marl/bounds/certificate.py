@@ -53,6 +53,29 @@ class Certificate:
             }
         return record
 
+    @classmethod
+    def from_json(cls, record: dict[str, Any]) -> Certificate:
+        """The certificate that `to_json` has written.
+
+        Raises:
+            InputError: it is none.
+        """
+        try:
+            prices = None
+            if record["kind"] == "sharing":
+                prices = Prices(
+                    tuple(record["slots"]),
+                    np.array(record["naming"], dtype=np.float64),
+                    np.array(record["presence"], dtype=np.float64),
+                    float(record["reach_m"]),
+                )
+            levels_j = None if record["kind"] == "scheduling" else tuple(record["levels_j"])
+            return cls(
+                record["world_hash"], record["age_sum"], levels_j, prices, record.get("oldest")
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"certificate: can not be read: {error}") from None
+
 
 def verified_age_sum(scenario: Scenario, certificate: Certificate) -> int:
     """The claim of a certificate, once it is found to hold.
@@ -86,6 +109,8 @@ def _check_sharing(scenario: Scenario, certificate: Certificate) -> None:
     assert certificate.oldest is not None
     if not isinstance(scenario.duplex, Tdd):
         raise ValueError("the sharing bound is for TDD")  # noqa: TRY004
+    if certificate.prices.slots[-1] != scenario.num_slots - 1:
+        raise ValueError("the prices are not for every slot: they prove nothing")
     game = finite_game(scenario, certificate.levels_j)
     proven = proven_age_sum(scenario, certificate.prices, certificate.oldest, game)
     if proven <= certificate.age_sum - 1:

@@ -121,7 +121,8 @@ def _time_division(world: World, offset: int, levels: list[int], tolerance: int)
     )
     least, most = _units(gain_j(low)), _units(most_j) + tolerance
     # The paper's rule has a root where the gain rises through 0, whatever is stored.
-    has_root = duplex.beta_rule == "paper" and least <= tolerance and most >= -tolerance
+    may_have_root = duplex.beta_rule == "paper" and least <= tolerance and most >= 0
+    has_root = may_have_root and least < -tolerance and most > 3 * tolerance
     deliver, charge = [], []
     for i, level in enumerate([*levels, None]):
         below = levels[i - 1] if i else 0
@@ -131,7 +132,7 @@ def _time_division(world: World, offset: int, levels: list[int], tolerance: int)
         else:
             if level + tolerance > price:
                 left.append(level - price)
-            if has_root:
+            if may_have_root:
                 left.append(level)
             if duplex.beta_rule == "stored" and level + most + tolerance >= 0:
                 left.append(max(min(level, price) + least, 0))

@@ -73,12 +73,13 @@ def make_tables(scenario: Scenario, levels_j: Floats, tolerance_j: float) -> Tab
     cells = world.grid.encode(world.grid.all_coordinates())
     nodes = node_codes(scenario, world.grid, [np.random.default_rng(0)])[0]
     offset = link.offset(cells[None, :], nodes[:, None])[..., None]
-    harvest_j = link.at(link.harvested_w, offset) * link.slot_s
+    harvested_w = link.at(link.harvested_w, offset)
+    harvest_j = harvested_w * link.slot_s
     uplink_j = link.at(link.slot_uplink_j, offset)
     if isinstance(scenario.duplex, Tdd):
         power_per_snr_w = link.at(link.power_per_snr_w, offset)
         rule = _stored_rule if scenario.duplex.beta_rule == "stored" else _paper_rule
-        return rule(world, harvest_j, power_per_snr_w, uplink_j, levels_j, tolerance_j)
+        return rule(world, harvested_w, power_per_snr_w, uplink_j, levels_j, tolerance_j)
     charged_j = levels_j + harvest_j
     return Tables(
         charge=_level(levels_j, charged_j),
@@ -109,7 +110,7 @@ def _paid(levels_j: Floats, energy_j: Floats, price_j: Floats, tolerance_j: floa
 
 def _stored_rule(
     world: World,
-    harvest_j: Floats,
+    harvested_w: Floats,
     power_per_snr_w: Floats,
     uplink_j: Floats,
     levels_j: Floats,
@@ -123,8 +124,9 @@ def _stored_rule(
     """
     duplex = world.scenario.duplex
     assert isinstance(duplex, Tdd)
+    harvest_j = harvested_w * world.link.slot_s
     finite_j = np.where(np.isinf(levels_j), np.finfo(np.float64).max / 4, levels_j)
-    pays = ~np.isnan(_smallest_beta(world, finite_j + tolerance_j, harvest_j, power_per_snr_w))
+    pays = ~np.isnan(_smallest_beta(world, finite_j + tolerance_j, harvested_w, power_per_snr_w))
     sends_j = levels_j + tolerance_j > uplink_j
     # Charging for β_min comes first only while the store alone does not pay.
     poor_j = np.minimum(levels_j, uplink_j)
@@ -135,21 +137,21 @@ def _stored_rule(
     deliver = np.where(pays | sends_j, _level(levels_j, left_j), -1)
     # A level holds an energy that can not deliver if the level below it, or 0, can not.
     below_j = np.concatenate([[0.0], levels_j[:-1]]) - tolerance_j
-    below_pays = ~np.isnan(_smallest_beta(world, below_j, harvest_j, power_per_snr_w))
+    below_pays = ~np.isnan(_smallest_beta(world, below_j, harvested_w, power_per_snr_w))
     can_fail = ~below_pays & (below_j <= uplink_j)
     charge = np.where(can_fail, _level(levels_j, levels_j + harvest_j), -1)
     return _with_disposal(deliver, charge)
 
 
 def _smallest_beta(
-    world: World, stored_j: Floats, harvest_j: Floats, power_per_snr_w: Floats
+    world: World, stored_j: Floats, harvested_w: Floats, power_per_snr_w: Floats
 ) -> Floats:
     scenario, link = world.scenario, world.link
     assert isinstance(scenario.duplex, Tdd)
     return np.asarray(
         physics.smallest_beta(
             stored_j,
-            harvest_j / link.slot_s,
+            harvested_w,
             power_per_snr_w,
             link.slot_s,
             scenario.uplink.packet_bits,
@@ -162,7 +164,7 @@ def _smallest_beta(
 
 def _paper_rule(
     world: World,
-    harvest_j: Floats,
+    harvested_w: Floats,
     power_per_snr_w: Floats,
     uplink_j: Floats,
     levels_j: Floats,
@@ -172,7 +174,7 @@ def _paper_rule(
     scenario, link = world.scenario, world.link
     assert isinstance(scenario.duplex, Tdd)
     beta = physics.beta_star(
-        harvest_j / link.slot_s,
+        harvested_w,
         power_per_snr_w,
         link.slot_s,
         scenario.uplink.packet_bits,
@@ -180,6 +182,7 @@ def _paper_rule(
         scenario.duplex.beta_min,
         scenario.duplex.beta_max,
     )
+    harvest_j = harvested_w * link.slot_s
     has_root = np.broadcast_to(~np.isnan(beta), (*beta.shape[:-1], len(levels_j)))
     stays = np.broadcast_to(np.arange(len(levels_j)), has_root.shape)
     paid = _paid(levels_j, levels_j, uplink_j, tolerance_j)

@@ -1,5 +1,7 @@
 """No bound exceeds the optimum of small worlds, found by playing every action."""
 
+import json
+
 import numpy as np
 import pytest
 from small_worlds import least_age_sum, small_world
@@ -12,6 +14,7 @@ from iout_marl.bounds.energy import COARSE, FINE
 from iout_marl.bounds.field import Field
 from iout_marl.bounds.sharing import Prices, oldest_age
 from iout_marl.bounds.sharing_check import proven_age_sum
+from iout_marl.errors import InputError
 
 CASES = [
     # duplex, rule for β, motion, nodes, slots
@@ -108,6 +111,10 @@ def test_the_sharing_bound_stays_below_it_at_any_prices(case, seed, optimum):
         )
         for oldest in (2, 3, 50):
             assert proven_age_sum(scenario, any_prices, oldest, game) <= least
+    rounded_down = int(np.floor(value - 0.01))
+    good = Certificate(scenario.world_hash, rounded_down, levels_j, prices, oldest_age(field))
+    read = Certificate.from_json(json.loads(json.dumps(good.to_json())))
+    assert verified_age_sum(scenario, read) == rounded_down
     claim = Certificate(scenario.world_hash, least + 1, levels_j, prices, oldest_age(field))
     with pytest.raises(ValueError, match="prove"):
         verified_age_sum(scenario, claim)
@@ -121,3 +128,12 @@ def test_two_auvs_stay_above_the_scheduling_bound(duplex, slots, access):
     found = bound(scenario)
     assert found.energy_and_travel is None
     assert found.best * scenario.num_nodes * slots <= least_age_sum(scenario) + 1e-9
+
+
+def test_a_certificate_of_another_world_or_none_at_all_is_refused():
+    first, second = world(CASES[0], 0), world(CASES[0], 1)
+    certificate = bound(first, seconds=0).certificate
+    with pytest.raises(InputError, match="is of world"):
+        verified_age_sum(second, certificate)
+    with pytest.raises(InputError, match="can not be read"):
+        Certificate.from_json({"kind": "opening", "world_hash": first.world_hash})
