@@ -22,6 +22,8 @@ Integers = npt.NDArray[np.int64]
 
 #: Parts of a joule in which the check counts.
 UNITS_PER_J = 2**40
+#: No level, harvest or affordable uplink comes near to this many joules.
+BEYOND_J = 1e100
 #: What the world's floating-point sums may add in a slot, as a share of the energies.
 ROUNDING = Fraction(1, 10**11)
 
@@ -74,8 +76,8 @@ def finite_game(scenario: Scenario, levels_j: tuple[float, ...]) -> Game:
 
 
 def _units(energy_j: float) -> int:
-    """Whole units, rounded down."""
-    return int(Fraction(energy_j) * UNITS_PER_J // 1)
+    """Whole units, rounded down; what is beyond all measure ends at a measure."""
+    return int(Fraction(max(min(energy_j, BEYOND_J), -BEYOND_J)) * UNITS_PER_J // 1)
 
 
 def _tolerance(world: World, levels: list[int]) -> int:

@@ -35,6 +35,8 @@ class Ladder(NamedTuple):
 COARSE = Ladder(step=0.024, num_steps=15, wider_by=1.12, top=1.8)
 #: Many, for bounds that take the nodes one by one.
 FINE = Ladder(step=0.012, num_steps=30, wider_by=1.08, top=3.0)
+#: No level or affordable uplink comes near to this many joules.
+BEYOND_J = 1e100
 #: Error allowed per slot for the world's floating-point sums, as a share of the energies.
 ROUNDING = 1e-11
 
@@ -75,7 +77,7 @@ def make_tables(scenario: Scenario, levels_j: Floats, tolerance_j: float) -> Tab
     offset = link.offset(cells[None, :], nodes[:, None])[..., None]
     harvested_w = link.at(link.harvested_w, offset)
     harvest_j = harvested_w * link.slot_s
-    uplink_j = link.at(link.slot_uplink_j, offset)
+    uplink_j = np.minimum(link.at(link.slot_uplink_j, offset), BEYOND_J)
     if isinstance(scenario.duplex, Tdd):
         power_per_snr_w = link.at(link.power_per_snr_w, offset)
         rule = _stored_rule if scenario.duplex.beta_rule == "stored" else _paper_rule
