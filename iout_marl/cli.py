@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shlex
 import sys
@@ -15,15 +14,17 @@ from rich.console import Console
 from rich.table import Table
 
 from iout_marl import __version__
+from iout_marl.cli_bound import bound_command
+from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
 from iout_marl.cli_studies import Overrides, report, reproduce
-from iout_marl.errors import InputError, did_you_mean
-from iout_marl.evaluation import Evaluation, evaluate
-from iout_marl.policies import BASELINES, UNTRAINED, make_baseline
-from iout_marl.scenario import Scenario, bundled_names, load_scenario, to_yaml
-from iout_marl.world import pin_layout
+from iout_marl.errors import InputError
+from iout_marl.evaluation import Evaluation
+from iout_marl.files import write_text
+from iout_marl.policies import BASELINES, UNTRAINED
+from iout_marl.scenario import bundled_names, load_scenario, to_yaml
 
 if TYPE_CHECKING:
-    from trainers import RunFolder, TrainingOutcome
+    from trainers import TrainingOutcome
 
 #: What Typer raises for a command line that it can not read.
 UsageError = cast("type[Exception]", typer.BadParameter.__base__)
@@ -201,12 +202,8 @@ def evaluate_command(
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
     loaded = load_scenario(scenario, overrides or [])
     names = policy or list(BASELINES)
-    for name in names:
-        if name not in UNTRAINED and _is_folder(name):
-            # Where a layout is drawn once for a run, every row plays on the run's.
-            loaded = _load_run(loaded, name, transfer=transfer)[1]
-            break
-    results = [_evaluate(loaded, name, episodes, seed, transfer=transfer) for name in names]
+    loaded = with_layout_of_runs(loaded, names, transfer=transfer)
+    results = [evaluate_named(loaded, name, episodes, seed, transfer=transfer) for name in names]
     records = [r.to_json() for r in results]
     text = json.dumps(records[0] if len(records) == 1 else records, indent=2)
     if json_file is not None and str(json_file) == "-":
@@ -214,41 +211,12 @@ def evaluate_command(
         return
     _print_table(results)
     if json_file is not None:
-        try:
-            json_file.write_text(text + "\n", encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"{json_file}: can not be written: {error.strerror}") from None
+        write_text(json_file, text)
 
 
-def _evaluate(
-    scenario: Scenario, policy: str, episodes: int, seed: int, *, transfer: bool
-) -> Evaluation:
-    if policy in UNTRAINED:
-        return evaluate(pin_layout(scenario, seed), make_baseline(policy), episodes, seed)
-    if not _is_folder(policy):
-        raise InputError(
-            f"--policy {policy}: neither a baseline nor the folder of a run"
-            + did_you_mean(policy, UNTRAINED)
-        )
-    run, own = _load_run(scenario, policy, transfer=transfer)
-    return evaluate(own, run.load_policy(), episodes, seed)
-
-
+app.command("bound")(bound_command)
 app.command()(reproduce)
 app.command()(report)
-
-
-def _is_folder(name: str) -> bool:
-    return os.path.isdir(name)  # noqa: PTH112 (Path raises where a name is too long)
-
-
-def _load_run(scenario: Scenario, name: str, *, transfer: bool) -> tuple[RunFolder, Scenario]:
-    import torch
-
-    from trainers.train import load_run
-
-    torch.set_num_threads(1)
-    return load_run(Path(name), scenario, transfer=transfer)
 
 
 def _console() -> Console:

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all, and those that a user names."""
 
 from __future__ import annotations
 
@@ -27,3 +27,15 @@ def write_atomically(path: Path, data: bytes) -> None:
             part.unlink(missing_ok=True)
         kept = "; the one before stands" if path.exists() else ""
         raise InputError(f"{path}: can not be written: {error.strerror}{kept}") from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text where a user wants it, with a line break at its end; a pipe will do.
+
+    Raises:
+        InputError: it can not be written.
+    """
+    try:
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: can not be written: {error.strerror}") from None

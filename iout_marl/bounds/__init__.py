@@ -1,0 +1,17 @@
+"""What no policy can beat: lower bounds on the mean AoI of a scenario.
+
+The derivations stand in `docs/bounds.md`.
+"""
+
+from iout_marl.bounds.bound import Bound, bound
+from iout_marl.bounds.certificate import Certificate, verified_age_sum
+from iout_marl.bounds.scheduling import delivery_bound, least_age_sum
+
+__all__ = [
+    "Bound",
+    "Certificate",
+    "bound",
+    "delivery_bound",
+    "least_age_sum",
+    "verified_age_sum",
+]

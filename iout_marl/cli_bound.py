@@ -1,0 +1,91 @@
+"""The command that bounds what any policy can reach."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
+from iout_marl.cli_studies import Overrides
+from iout_marl.files import write_text
+from iout_marl.scenario import RandomNodes, load_scenario
+
+if TYPE_CHECKING:
+    from iout_marl.bounds import Bound
+
+#: What is best known without any training.
+STRONGEST = ("tour", "planner")
+#: Episodes of each policy where nodes are drawn at random; where they are not, one is enough.
+RANDOM_EPISODES = 20
+
+
+def bound_command(
+    scenario: Annotated[
+        str, typer.Argument(metavar="SCENARIO", help="A bundled name, or a path to a YAML file.")
+    ],
+    policy: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME|RUN",
+            help="A policy to compare with the bound, beside tour and planner; may be repeated.",
+        ),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(min=0, help="Time to search for a higher bound, about.")
+    ] = 60.0,
+    json_file: Annotated[
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="Also write the figures as JSON; - prints it."),
+    ] = None,
+    overrides: Overrides = None,
+) -> None:
+    """Print a mean AoI that no policy can beat, checked, and how far policies are from it."""
+    from iout_marl.bounds import bound
+
+    names = [*STRONGEST, *(name for name in policy or [] if name not in STRONGEST)]
+    loaded = with_layout_of_runs(load_scenario(scenario, overrides or []), names, transfer=False)
+    episodes = RANDOM_EPISODES if isinstance(loaded.nodes, RandomNodes) else 1
+    reached = {
+        name: evaluate_named(loaded, name, episodes, 0, transfer=False).metrics["mean_aoi"].mean
+        for name in names
+    }
+    found = bound(loaded, min(reached.values()), seconds)
+    record = found.to_json() | {
+        "policies": {
+            name: {"mean_aoi": mean_aoi, "gap_percent": found.gap_percent(mean_aoi)}
+            for name, mean_aoi in reached.items()
+        }
+    }
+    text = json.dumps(record, indent=2)
+    if json_file is not None and str(json_file) == "-":
+        typer.echo(text)
+        return
+    _print(found, reached, episodes)
+    if json_file is not None:
+        write_text(json_file, text)
+
+
+def _print(found: Bound, reached: dict[str, float], episodes: int) -> None:
+    typer.echo(f"{found.scenario} ({found.scenario_hash}): mean AoI in slots; {found.validity}")
+    table = Table()
+    table.add_column("")
+    table.add_column("mean AoI", justify="right")
+    table.add_column("gap", justify="right")
+    table.add_row("scheduling bound", f"{found.scheduling:.3f}", "")
+    if found.energy_and_travel is not None:
+        table.add_row("energy and travel bound", f"{found.energy_and_travel:.3f}", "")
+    table.add_section()
+    best = min(reached, key=lambda name: reached[name])
+    for name, mean_aoi in reached.items():
+        label = f"{name} (best known)" if name == best else name
+        table.add_row(label, f"{mean_aoi:.3f}", f"{found.gap_percent(mean_aoi):.1f} %")
+    Console(highlight=False).print(table)
+    typer.echo(
+        "The higher bound is verified in whole numbers. "
+        f"Episodes of each policy: {episodes}, the first of seed 0."
+    )

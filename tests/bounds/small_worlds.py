@@ -1,0 +1,56 @@
+"""Small worlds and the least age sum in each, by playing every action there is."""
+
+import numpy as np
+
+from iout_marl import load_scenario
+from iout_marl.world import State, World, node_codes
+
+
+def small_world(
+    rng, duplex="fdd", motion="six", nodes=2, slots=5, rule="paper", auvs=1, access="orthogonal"
+):
+    """A 3 × 3 × 1 grid with wide cells, on which energy binds."""
+    cells = rng.permutation([(x, y, 1) for x in (1, 2, 3) for y in (1, 2, 3)])
+    spacing_m = float(rng.uniform(100, 450))
+    settings = {
+        "grid.cells": [3, 3, 1],
+        "grid.spacing_m": spacing_m,
+        "nodes.cells": cells[:nodes].tolist(),
+        "nodes.count": None,
+        "auvs.start_cells": cells[-auvs:].tolist(),
+        "auvs.motion": motion,
+        "auvs.separation_cells": 0,
+        "channel.access": access,
+        "episode.duration_s": slots * spacing_m / 4,
+        "charging.power_w": float(2000 * 10 ** rng.uniform(-1.3, 0.3)),
+        "age.initial": int(rng.integers(1, 4)),
+        "age.maximum": int(rng.choice([4, 50])),
+    }
+    if duplex == "tdd":
+        settings["duplex.beta_rule"] = rule
+    return load_scenario(f"paper/k3-{duplex}", settings)
+
+
+def least_age_sum(scenario):
+    """The optimum: the least sum of ages over nodes and slots.
+
+    States of the world are alike if cells, ages and energies are.
+    """
+    world = World(scenario)
+    state = world.reset(node_codes(scenario, world.grid, [np.random.default_rng(0)]))
+    one_auv = np.stack(np.meshgrid(*map(np.arange, world.action_sizes)), -1)
+    one_auv = one_auv.reshape(-1, len(world.action_sizes))
+    choices = np.stack(np.meshgrid(*[np.arange(len(one_auv))] * world.num_auvs), -1).reshape(
+        -1, world.num_auvs
+    )
+    actions = one_auv[choices]
+    for _ in range(scenario.num_slots):
+        rows = len(state.slot)
+        batch = state.map(lambda array: np.repeat(array, len(actions), axis=0))
+        step = World(scenario, rows * len(actions))
+        state, _ = step.step(batch, np.tile(actions, (rows, 1, 1)))
+        same = np.concatenate([state.cell, state.age, state.energy_j.round(6)], axis=1)
+        order = np.lexsort((state.age_sum, *same.T))
+        differs = (same[order][1:] != same[order][:-1]).any(axis=1)
+        state = State(*(array[order[np.append(True, differs)]] for array in state))
+    return round(float(state.age_sum.min()) * scenario.num_nodes)

@@ -1,0 +1,78 @@
+"""The command that bounds what policies can reach."""
+
+import json
+
+import pytest
+
+from iout_marl import evaluate, load_scenario
+from iout_marl.bounds import delivery_bound
+
+SHORT = ["--set", "episode.duration_s=150"]
+
+
+def test_table_of_bounds_and_policies(iout):
+    status, out, err = iout("bound", "paper/k3-tdd", *SHORT, "--policy", "greedy", "--seconds", 1)
+    assert (status, err) == (0, "")
+    assert "both bounds hold for every policy" in out
+    for row in ("scheduling bound", "energy and travel bound", "tour", "planner", "greedy"):
+        assert row in out
+
+
+def test_json_has_bounds_gaps_and_certificate(iout, tmp_path):
+    status, out, _ = iout("bound", "paper/k3-fdd", *SHORT, "--seconds", 1, "--json", "-")
+    assert status == 0
+    record = json.loads(out)
+    scenario = load_scenario("paper/k3-fdd", {"episode.duration_s": 150})
+    planned = evaluate(scenario, "planner", episodes=1).metrics["mean_aoi"].mean
+    assert record["scenario_hash"] == scenario.hash
+    assert record["scheduling"] == delivery_bound(scenario)
+    assert record["scheduling"] <= record["energy_and_travel"] == record["best"] <= planned
+    assert record["policies"]["planner"] == {
+        "mean_aoi": planned,
+        "gap_percent": pytest.approx(100 * (planned / record["best"] - 1)),
+    }
+    assert record["certificate"]["kind"] == "opening"
+    assert record["certificate"]["age_sum"] == round(record["best"] * 18)
+
+
+def test_json_to_a_file_goes_beside_the_table(iout, tmp_path):
+    path = tmp_path / "bound.json"
+    status, out, _ = iout("bound", "multi/m3-k10-fdd", *SHORT, "--json", path)
+    assert status == 0
+    assert "the one by energy and travel is for one AUV" in out
+    record = json.loads(path.read_text())
+    assert record["energy_and_travel"] is None
+    assert record["certificate"]["kind"] == "scheduling"
+    assert record["best"] == record["scheduling"]
+
+
+@pytest.mark.parametrize(
+    ("redraw", "when"), [("episode", "for every episode"), ("run", "for every run")]
+)
+def test_random_nodes_have_the_bound_that_holds_and_no_other(iout, redraw, when):
+    nodes = f"nodes={{kind: random, count: 3, redraw: {redraw}}}"
+    status, out, _ = iout("bound", "paper/k3-fdd", *SHORT, "--set", nodes)
+    assert status == 0
+    assert f"nodes are drawn {when}: the scheduling bound holds for every layout" in out
+    assert "energy and travel bound" not in out
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["paper/k3-fd"], "no scenario 'paper/k3-fd'"),
+        (["paper/k3-fdd", "--policy", "gredy"], "--policy gredy: neither a baseline nor"),
+        (["paper/k3-fdd", "--seconds", "-1"], "Invalid value for '--seconds'"),
+        (["paper/k3-fdd", "--seconds", "long"], "Invalid value for '--seconds'"),
+        (["paper/k3-fdd", "--set", "age.maximum=0"], "age.maximum: must be"),
+    ],
+)
+def test_bad_input(refused, words, expected):
+    assert expected in refused("bound", *words)
+
+
+def test_json_that_can_not_be_written(iout):
+    status, out, err = iout("bound", "multi/m3-k10-fdd", *SHORT, "--json", "missing/x.json")
+    assert status == 2
+    assert "scheduling bound" in out
+    assert "can not be written: " in err
