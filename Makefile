@@ -1,7 +1,7 @@
 # make demo       train the paper's smallest scenario and compare it with the baselines
 # make test       lint, types and the whole test suite
 # make reproduce  the paper's figures, tables and claims: a quarter of an hour on two cores
-# make bench      speed of environment and trainer, side by side with others
+# make bench      speed of environment and trainer, side by side with others: ten minutes
 # make integrations        other people's trainers, each in a virtual environment of its own
 # make integrations-rllib  one of them: agilerl, benchmarl, rllib or tianshou
 
@@ -75,7 +75,9 @@ format: $(TEST)
 
 bench: $(BENCH)
 	$(BIN)/python benchmarks/environment.py
-	$(BIN)/python benchmarks/training.py --threads 2
+	$(BIN)/python benchmarks/training.py
+	$(BIN)/python benchmarks/learning_step.py
+	$(BIN)/python benchmarks/time_to_quality.py --seeds 1 --limit 30
 
 # Libraries whose pins exclude one another; networks as small as these lose by a second thread.
 INTEGRATIONS := agilerl benchmarl rllib tianshou
