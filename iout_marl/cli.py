@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import statistics
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn, cast
@@ -41,6 +42,8 @@ app = typer.Typer(
 ScenarioArgument = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="A bundled name, or a path to a YAML file.")
 ]
+#: Policies that a table has a column for each of; of more it tells the spread.
+SIDE_BY_SIDE = 4
 #: Rows of the table of an evaluation: metric, heading, decimals.
 ROWS = (
     ("mean_aoi", "mean AoI", 2),
@@ -114,7 +117,9 @@ def train(
     ] = None,
     replicas: Annotated[
         int | None,
-        typer.Option(min=1, help="Policies side by side, from seeds SEED, SEED + 1, … [1]."),
+        typer.Option(
+            min=1, max=10_000, help="Policies side by side, from seeds SEED, SEED + 1, … [1]."
+        ),
     ] = None,
     overrides: Overrides = None,
 ) -> None:
@@ -168,7 +173,10 @@ def _report(outcome: TrainingOutcome, run: Path, scenario: str, settings: list[s
             f"go on with: {shlex.join(words)}"
         )
         return
-    _print_table(outcome.evaluations)
+    if len(outcome.evaluations) > SIDE_BY_SIDE:
+        _print_spread(outcome.evaluations)
+    else:
+        _print_table(outcome.evaluations)
     typer.echo(
         f"trained for {outcome.seconds:.0f} s; the run is in {run} "
         f"(curves: tensorboard --logdir {run})"
@@ -243,6 +251,23 @@ def _print_table(results: list[Evaluation]) -> None:
             if result.episodes > 1:
                 cells[-1] += f" ± {estimate.margin:.{digits}f}"
         table.add_row(heading, *cells)
+    _console().print(table)
+
+
+def _print_spread(results: list[Evaluation]) -> None:
+    """What many policies of one training come to."""
+    first = results[0]
+    typer.echo(
+        f"{first.scenario} ({first.scenario_hash}): {len(results)} policies, "
+        f"{first.episodes} episodes each, seed {first.seed}\nmeans over their episodes"
+    )
+    table = Table()
+    for heading in ("", "lowest", "median", "highest"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for name, heading, digits in ROWS:
+        means = [result.metrics[name].mean for result in results]
+        figures = (min(means), statistics.median(means), max(means))
+        table.add_row(heading, *(f"{figure:.{digits}f}" for figure in figures))
     _console().print(table)
 
 

@@ -36,7 +36,10 @@ def bound_command(
         ),
     ] = None,
     seconds: Annotated[
-        float, typer.Option(min=0, help="Time to search for a higher bound, about.")
+        float,
+        typer.Option(
+            min=0, help="Time to search for a higher bound, about; policies and check come on top."
+        ),
     ] = 60.0,
     json_file: Annotated[
         Path | None,
@@ -78,7 +81,9 @@ def _print(found: Bound, reached: dict[str, float], episodes: int) -> None:
     table.add_column("gap", justify="right")
     table.add_row("scheduling bound", f"{found.scheduling:.3f}", "")
     if found.energy_and_travel is not None:
-        table.add_row("energy and travel bound", f"{found.energy_and_travel:.3f}", "")
+        is_higher = found.energy_and_travel > found.scheduling
+        figure = f"{found.energy_and_travel:.3f}" if is_higher else "none higher found"
+        table.add_row("energy and travel bound", figure, "")
     table.add_section()
     best = min(reached, key=lambda name: reached[name])
     for name, mean_aoi in reached.items():

@@ -77,28 +77,34 @@ class DistributedGroup(Group):
         return torch.cat(parts)
 
 
+#: What errors of a broken connection say, whatever the library below.
+_BROKEN = ("onnect", "imed out", "imeout", "reset by peer", "closed by peer", "Socket")
+
+
 @contextmanager
 def _told_plainly() -> Iterator[None]:
     try:
         yield
     except RuntimeError as error:
-        reason = str(error).strip().splitlines()[0]
-        raise LostProcessError(f"another process of the training was lost ({reason})") from None
+        if isinstance(error, distributed.DistError) or any(sign in str(error) for sign in _BROKEN):
+            raise LostProcessError("another process of the training was lost") from None
+        raise
 
 
 @contextmanager
 def started_group(device: torch.device) -> Iterator[tuple[Group, torch.device]]:
-    """The group that this process was started in, and the device that is its own.
+    """The group that `torchrun` has started this process in, and the device that is its own.
 
-    `torchrun` tells by environment variables: without them, a process is alone.
+    Without `torchrun` a process is alone.
 
     Args:
         device: where to train; of several GPUs each process takes one.
 
     Raises:
-        InputError: there are more processes than GPUs on this machine.
+        InputError: there are more processes than GPUs on this machine, or they do not find
+            one another.
     """
-    if int(os.environ.get("WORLD_SIZE", "1")) == 1:
+    if not distributed.is_torchelastic_launched() or os.environ["WORLD_SIZE"] == "1":
         yield Group(), device
         return
     on_gpu = device.type == "cuda"
@@ -111,7 +117,11 @@ def started_group(device: torch.device) -> Iterator[tuple[Group, torch.device]]:
             )
         device = torch.device("cuda", local_rank)
         torch.cuda.set_device(device)
-    distributed.init_process_group("nccl" if on_gpu else "gloo", timeout=PATIENCE)
+    try:
+        distributed.init_process_group("nccl" if on_gpu else "gloo", timeout=PATIENCE)
+    except (RuntimeError, ValueError) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise InputError(f"torchrun: the processes did not find one another: {reason}") from None
     try:
         yield DistributedGroup(device), device
     finally:

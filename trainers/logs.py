@@ -118,7 +118,7 @@ class TrainingLog:
             self._last_line = now
             shown: dict[str, Any] = self._progress.tasks[0].fields
             self._console.print(
-                f"{self._name}  {env_steps / self._total:4.0%}  AoI {shown['aoi']:.2f}  "
+                f"{self._name}  {min(env_steps / self._total, 1):4.0%}  AoI {shown['aoi']:.2f}  "
                 f"Jain {shown['jain']:.3f}  {shown['kj']:.2f} kJ  {shown['rate']:,.0f} steps/s",
                 highlight=False,
             )

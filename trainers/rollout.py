@@ -230,12 +230,10 @@ class Simulation:
 
     def _means(self, values: Mapping[str, Any]) -> dict[str, Tensor]:
         """Mean of each of the world's (envs, …) arrays over all environments: ()."""
-        return {
-            name: self.group.sum(
-                self._tensor(array).flatten(len(self.replicas)).mean(-1) / self.group.size
-            )
-            for name, array in values.items()
-        }
+        axes = len(self.replicas)
+        own = [self._tensor(array).flatten(axes).mean(-1) for array in values.values()]
+        means = self.group.sum(torch.stack(own) / self.group.size)
+        return dict(zip(values, means, strict=True))
 
     def state_dict(self, policy: int = 0) -> dict[str, Any]:
         """State and streams of one policy's environments, as tensors and plain values.

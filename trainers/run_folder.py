@@ -29,8 +29,9 @@ from iout_marl.errors import InputError
 from iout_marl.files import write_atomically
 from iout_marl.scenario import Scenario, load_scenario, to_yaml
 from iout_marl.world import WORLD_VERSION, World
+from trainers.factory import make_network
 from trainers.networks import ActorCritic
-from trainers.ppo import Trainer, make_network
+from trainers.ppo import Trainer
 from trainers.trained import TrainedPolicy
 
 #: Changes whenever older files can no longer be read.
@@ -55,18 +56,30 @@ class RunFolder:
         """The log, a JSON object a line."""
         return self.path / "metrics.jsonl"
 
+    def refuse_if_used(self) -> None:
+        """Leave a run that is there alone.
+
+        Raises:
+            InputError: the folder holds a run already.
+        """
+        try:
+            used = any((self.path / name).exists() for name in RESULTS)
+        except OSError as error:
+            raise InputError(f"{self.path}: can not be read: {error.strerror}") from None
+        if used:
+            raise InputError(
+                f"{self.path}: holds a run already; go on with it by --resume {self.path}, "
+                "or name another folder by --out"
+            )
+
     def create(self, scenario: Scenario) -> None:
         """Make the folder for a new run.
 
         Raises:
             InputError: it holds a run already, or can not be made.
         """
+        self.refuse_if_used()
         try:
-            if any((self.path / name).exists() for name in RESULTS):
-                raise InputError(
-                    f"{self.path}: holds a run already; go on with it by --resume {self.path}, "
-                    "or name another folder by --out"
-                )
             self.path.mkdir(parents=True, exist_ok=True)
             for leftover in (self.metrics_path, *self.path.glob("events.out.tfevents.*")):
                 leftover.unlink(missing_ok=True)
@@ -93,19 +106,16 @@ class RunFolder:
             raise InputError(f"{self.path}: holds no run: there is no scenario.yaml in it")
         return load_scenario(path.resolve())
 
-    def save(
+    def saved_files(
         self, trainer: Trainer, state: dict[str, Any], source: Scenario, policy: int = 0
-    ) -> None:
-        """Save checkpoint and policy.
+    ) -> dict[Path, bytes]:
+        """What there is to save, checkpoint and policy, by path.
 
         Args:
             trainer: what to save.
             state: its `state_dict` of the policy.
             source: the scenario before its layout was pinned.
             policy: which of the trainer's.
-
-        Raises:
-            InputError: a file can not be written; the last good one stands.
         """
         scenario = trainer.scenarios[policy]
         checkpoint = {
@@ -116,7 +126,6 @@ class RunFolder:
         }
         buffer = io.BytesIO()
         torch.save(checkpoint, buffer)
-        write_atomically(self.checkpoint_path, buffer.getvalue())
         weights = {k: v.contiguous().cpu() for k, v in state["network"].items()}
         world = trainer.simulation.world
         shape = {
@@ -134,8 +143,11 @@ class RunFolder:
             "activation": trainer.settings.activation,
             "mask_actions": trainer.settings.mask_actions,
         }
-        write_atomically(self.path / "policy.safetensors", safetensors.torch.save(weights))
-        self.write_text("policy.json", json.dumps(shape, indent=2) + "\n")
+        return {
+            self.checkpoint_path: buffer.getvalue(),
+            self.path / "policy.safetensors": safetensors.torch.save(weights),
+            self.path / "policy.json": (json.dumps(shape, indent=2) + "\n").encode(),
+        }
 
     def load_checkpoint(self, device: torch.device) -> dict[str, Any]:
         """The trainer's `state_dict` from the checkpoint.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import signal
 import time
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from rich.console import Console
 import iout_marl
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
+from iout_marl.files import write_together
 from iout_marl.scenario import Scenario
 from trainers.group import Group, LostProcessError
 from trainers.logs import TrainingLog
@@ -109,24 +111,26 @@ def train(
     group = group or Group()
     if resume:
         runs = _runs_in(out)
-        trainer = _resumed(runs, scenario, torch.device(device), group)
+        together = runs[0].path != out
+        trainer = _resumed(runs, scenario, torch.device(device), group, is_together=together)
     else:
         trainer = Trainer(scenario, seed, device, replicas, group)
-        names = [f"seed-{each}" for each in trainer.seeds] if replicas > 1 else ["."]
-        runs = [RunFolder(out / name) for name in names]
+        runs = [RunFolder(path) for path in _paths(out, trainer)]
     writes = group.rank == 0
-    if writes and not resume:
-        for run, pinned in zip(runs, trainer.scenarios, strict=True):
-            run.create(pinned)
+    with _all_or_none(group):
+        if writes and not resume:
+            _refuse_if_used(out, runs)
+            for run, pinned in zip(runs, trainer.scenarios, strict=True):
+                run.create(pinned)
+    saved_at = trainer.env_steps
     steps = trainer.settings.steps
-    with (
-        TrainingLog(
-            runs if writes else [], scenario.name, steps, trainer.env_steps, console
-        ) as log,
-        _stop_signals(catch=catch_signals) as signals,
-    ):
-        saved_at = trainer.env_steps
-        try:
+    try:
+        with (
+            TrainingLog(
+                runs if writes else [], scenario.name, steps, trainer.env_steps, console
+            ) as log,
+            _stop_signals(catch=catch_signals) as signals,
+        ):
             # Only together: a process alone would wait for the others without end.
             while not trainer.finished and not group.any(bool(signals)):
                 figures = trainer.iterate_all()
@@ -136,27 +140,71 @@ def train(
                     _save(runs, trainer, scenario)
                     saved_at = trainer.env_steps
             _save(runs, trainer, scenario)
-        except LostProcessError as error:
-            stands = f"the checkpoint of {saved_at:,} steps stands" if saved_at else "nothing saved"
-            raise InputError(
-                f"{out}: {error} after {trainer.env_steps:,} environment steps; {stands}"
-            ) from None
+    except LostProcessError as error:
+        if catch_signals:
+            # torchrun now ends those that are left: not before this one has said why.
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        stands = f"the checkpoint of {saved_at:,} steps stands" if saved_at else "nothing was saved"
+        raise InputError(
+            f"{out}: {error} after {trainer.env_steps:,} environment steps; {stands}"
+        ) from None
     seconds = time.perf_counter() - started
     evaluations = []
     if trainer.finished and writes:
         for i, (run, pinned) in enumerate(zip(runs, trainer.scenarios, strict=True)):
-            evaluation = evaluate(pinned, run.load_policy(), evaluation_episodes, seed=0)
+            policy = trainer.policy(i, str(run.path))
+            evaluation = evaluate(pinned, policy, evaluation_episodes, seed=0)
             run.write_text("result.json", _result(trainer, i, evaluation, seconds))
             evaluations.append(evaluation)
     return TrainingOutcome(runs, trainer, trainer.finished, seconds, evaluations)
 
 
+def _paths(out: Path, trainer: Trainer) -> list[Path]:
+    """The folder of a lone run, or one within it for each of several policies."""
+    seeds = trainer.seeds
+    return [out] if len(seeds) == 1 else [out / f"seed-{seed}" for seed in seeds]
+
+
+def _refuse_if_used(out: Path, runs: list[RunFolder]) -> None:
+    """Leave alone what is there, before anything new is made."""
+    for run in (RunFolder(out), *_several_in(out), *runs):
+        run.refuse_if_used()
+
+
+def _several_in(out: Path) -> list[RunFolder]:
+    """The runs of policies that were trained side by side, by seed."""
+    names = (re.fullmatch(r"seed-(\d+)", path.parent.name) for path in out.glob("*/scenario.yaml"))
+    seeds = sorted(int(match[1]) for match in names if match)
+    return [RunFolder(out / f"seed-{seed}") for seed in seeds]
+
+
+def _runs_in(out: Path) -> list[RunFolder]:
+    """The run in a folder, or those of several policies within it."""
+    several = _several_in(out)
+    return several if several and not (out / "scenario.yaml").is_file() else [RunFolder(out)]
+
+
+@contextmanager
+def _all_or_none(group: Group) -> Iterator[None]:
+    """What the first process begins with: if it fails, so do the others, with less to say."""
+    failure = None
+    try:
+        yield
+    except InputError as error:
+        failure = error
+    if group.any(failure is not None):
+        raise failure or InputError("the first process could not begin")
+
+
 def _save(runs: list[RunFolder], trainer: Trainer, source: Scenario) -> None:
-    """Save every policy: all processes gather what the first one writes."""
+    """Save every policy, or none: all processes gather what the first one writes."""
+    files: dict[Path, bytes] = {}
     for i, run in enumerate(runs):
         state = trainer.state_dict(i)
         if trainer.group.rank == 0:
-            run.save(trainer, state, source, i)
+            files |= run.saved_files(trainer, state, source, i)
+    if files:
+        write_together(files)
 
 
 def _check_finite(
@@ -170,26 +218,21 @@ def _check_finite(
             )
 
 
-def _runs_in(out: Path) -> list[RunFolder]:
-    """The run in a folder, or those of several policies in its subfolders."""
-    several = out.glob("seed-*/scenario.yaml")
-    if (out / "scenario.yaml").is_file() or not any(several):
-        return [RunFolder(out)]
-    seeds = sorted(
-        int(path.parent.name.removeprefix("seed-")) for path in out.glob("seed-*/scenario.yaml")
-    )
-    return [RunFolder(out / f"seed-{seed}") for seed in seeds]
-
-
 def _resumed(
-    runs: list[RunFolder], scenario: Scenario, device: torch.device, group: Group
+    runs: list[RunFolder],
+    scenario: Scenario,
+    device: torch.device,
+    group: Group,
+    *,
+    is_together: bool,
 ) -> Trainer:
     scenarios = [run.scenario() for run in runs]
     saved = [run.load_checkpoint(device) for run in runs]
     with readable(runs[0].checkpoint_path):
         seeds = [int(one["seed"]) for one in saved]
-        stands = {int(one["env_steps"]) for one in saved}
-    if seeds != list(range(seeds[0], seeds[0] + len(seeds))) or len(stands) > 1:
+        first, count = saved[0]["side_by_side"]
+        alike = len({(int(one["env_steps"]), *one["side_by_side"]) for one in saved}) == 1
+    if is_together and not (alike and seeds == list(range(first, first + count))):
         raise InputError(
             f"{runs[0].path.parent}: these runs have not come equally far, or some are missing; "
             "go on with each by its own folder"

@@ -70,7 +70,8 @@ def _best_within(
         bounds=[*zip(low, high, strict=True), *[(None, None)] * num_nodes],
         method="highs",
     )
-    return np.asarray(solution.x[: len(centre)])
+    # Where the solver gives up, the prices stay: any are valid.
+    return centre if solution.x is None else np.asarray(solution.x[: len(centre)])
 
 
 class _Dual:

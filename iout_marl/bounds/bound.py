@@ -27,8 +27,8 @@ class Bound:
     Attributes:
         scenario, scenario_hash: what they are for.
         scheduling: the bound by ages alone.
-        energy_and_travel: the bound that counts energy and travel in too, or None where
-            there is none.
+        energy_and_travel: the bound that counts energy and travel in too, that by ages alone
+            if no higher one was found; None where there is none.
         validity: for what they hold, and why `energy_and_travel` is None if it is.
         certificate: of the higher of the two, verified.
     """
@@ -68,7 +68,8 @@ def bound(scenario: Scenario, best_known: float | None = None, seconds: float = 
     Args:
         scenario: the scenario.
         best_known: a mean AoI that some policy reaches, in slots: spares looking higher.
-        seconds: time to search for, about; the check takes as long again at most.
+        seconds: time to search for, about: a step that has begun is finished, and the check
+            comes on top.
     """
     node_slots = scenario.num_nodes * scenario.num_slots
     scheduled = least_age_sum(scenario)
@@ -79,7 +80,7 @@ def bound(scenario: Scenario, best_known: float | None = None, seconds: float = 
         is_tdd = isinstance(scenario.duplex, Tdd)
         deadline = time.monotonic() + seconds
         certificate = _opening(scenario, certificate, highest, seconds / 4 if is_tdd else seconds)
-        if is_tdd:
+        if is_tdd and time.monotonic() < deadline:
             certificate = _sharing(scenario, certificate, deadline - time.monotonic())
         energy_and_travel = certificate.age_sum / node_slots
     verified_age_sum(scenario, certificate)

@@ -1,4 +1,4 @@
-"""Trains as `python -m trainers.ppo` does; process 1 dies in the course of it."""
+"""Trains as `python -m trainers.ppo` does; the process that LOST names dies meanwhile."""
 
 import os
 import sys
@@ -11,7 +11,10 @@ iterate, ITERATIONS = Trainer.iterate_all, 5
 
 def iterate_and_die(trainer):
     logs = iterate(trainer)
-    if trainer.group.rank == 1 and trainer.env_steps >= ITERATIONS * trainer.steps_per_iteration:
+    if (
+        trainer.group.rank == int(os.environ["LOST"])
+        and trainer.env_steps >= ITERATIONS * trainer.steps_per_iteration
+    ):
         os._exit(7)
     return logs
 

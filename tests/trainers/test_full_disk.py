@@ -11,8 +11,10 @@ import pytest
 from rich.console import Console
 
 from iout_marl import InputError
-from trainers import RunFolder, train
-from trainers.run_folder import write_atomically
+from iout_marl.files import write_atomically
+from trainers import train
+
+training = sys.modules["trainers.train"]  # its name is also that of a function
 
 #: As on a disk with so many bytes left for each file: writes fail, no signal comes.
 LIMITED = """
@@ -76,16 +78,16 @@ def test_checkpoint_saved_before_stands_and_training_goes_on_from_it(
     tmp_path, tiny, fill_disk, monkeypatch
 ):
     quiet = {"console": Console(file=io.StringIO()), "evaluation_episodes": 1}
-    folder, save = tmp_path / "run", RunFolder.save
+    folder, save = tmp_path / "run", training.write_together
     saved = []
 
-    def save_twice(run, *what):
+    def save_twice(files):
         if len(saved) == 1:
             fill_disk()
-        save(run, *what)
+        save(files)
         saved.append((folder / "checkpoint.pt").read_bytes())
 
-    monkeypatch.setattr(RunFolder, "save", save_twice)
+    monkeypatch.setattr(training, "write_together", save_twice)
     with pytest.raises(InputError, match=r"checkpoint\.pt: can not be written: No space left"):
         train(tiny(), folder, **quiet)
     monkeypatch.undo()

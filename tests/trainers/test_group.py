@@ -13,7 +13,7 @@ import torch
 from safetensors.torch import load_file
 
 from iout_marl.scenario import to_yaml
-from trainers import RunFolder, train
+from trainers import RunFolder, started_group, train
 
 HERE = Path(__file__).parent
 VARIANTS = {
@@ -88,29 +88,64 @@ def test_two_processes_learn_what_one_does(scenario_file, tiny, tmp_path, change
         torch.testing.assert_close(ours[name], tensor, rtol=1e-3, atol=1e-4, msg=name)
 
 
-def test_environments_that_can_not_be_shared_evenly(scenario_file, tmp_path):
-    command = ["-m", "trainers.ppo", str(scenario_file()), "--out", str(tmp_path / "run")]
+def refused(*command, processes=2):
+    """What torchrun prints of a training that does not begin."""
     result = subprocess.run(
-        torchrun(*command, processes=3),
+        torchrun("-m", "trainers.ppo", *command, processes=processes),
         capture_output=True,
         text=True,
         env=environment(),
         check=False,
     )
     assert result.returncode != 0
-    assert "training.environments: 4 can not be shared evenly by 3 processes" in result.stderr
-    assert result.stderr.count("can not be shared evenly") == 3, "a line of each process"
+    return [line for line in result.stderr.splitlines() if line.startswith("iout: ")]
 
 
-def test_lost_process_ends_the_training_and_leaves_a_checkpoint(scenario_file, tmp_path, tiny):
+def test_environments_that_can_not_be_shared_evenly(scenario_file, tmp_path):
+    lines = refused(str(scenario_file()), "--out", str(tmp_path / "run"), processes=3)
+    expected = "iout: training.environments: 4 can not be shared evenly by 3 processes"
+    assert set(lines) == {expected}
+
+
+def test_policies_side_by_side_are_for_one_process(scenario_file, tmp_path):
+    run = tmp_path / "run"
+    lines = refused(str(scenario_file()), "--out", str(run), "--replicas", "2")
+    assert set(lines) == {
+        "iout: --replicas: policies side by side are trained by one process, without torchrun"
+    }
+    assert not run.exists()
+
+
+def test_folder_in_use_is_told_by_the_first_process(scenario_file, tmp_path, tiny):
+    train(tiny(), tmp_path / "run", evaluation_episodes=1)
+    lines = refused(str(scenario_file()), "--out", str(tmp_path / "run"))
+    assert sum("holds a run already" in line for line in lines) == 1
+    assert set(lines) - {lines[0], lines[1]} == set()
+    assert any("the first process could not begin" in line for line in lines)
+
+
+def test_what_schedulers_leave_in_the_environment_starts_no_group(monkeypatch):
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    with started_group(torch.device("cpu")) as (group, device):
+        assert (group.rank, group.size, device.type) == (0, 1, "cpu")
+
+
+@pytest.mark.parametrize("lost", [0, 1])
+def test_lost_process_ends_the_training_and_leaves_a_checkpoint(
+    scenario_file, tmp_path, tiny, lost
+):
     changes = {"training.steps": 80_000, "training.checkpoint_steps": 80}
     run = tmp_path / "run"
     command = [str(HERE / "lost_rank.py"), str(scenario_file(changes)), "--out", str(run)]
     result = subprocess.run(
-        torchrun(*command), capture_output=True, text=True, env=environment(), check=False
+        torchrun(*command),
+        capture_output=True,
+        text=True,
+        env={**environment(), "LOST": str(lost)},
+        check=False,
     )
     assert result.returncode != 0
-    assert "another process of the training was lost" in result.stderr
+    assert f"iout: {run}: another process of the training was lost after" in result.stderr
     assert "steps stands" in result.stderr
     saved = RunFolder(run).load_checkpoint(torch.device("cpu"))["env_steps"]
     assert 80 <= saved <= 400

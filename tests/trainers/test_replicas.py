@@ -1,5 +1,9 @@
 """Policies trained side by side are those that would be trained alone."""
 
+import re
+import shutil
+from pathlib import Path
+
 import pytest
 import torch
 from typer.testing import CliRunner
@@ -142,6 +146,65 @@ class TestRuns:
         train(longer, tmp_path / "seed-1", resume=True, evaluation_episodes=1)
         with pytest.raises(InputError, match="have not come equally far"):
             train(longer, tmp_path, resume=True, evaluation_episodes=1)
+
+    def test_that_are_not_all_there(self, short, tmp_path):
+        train(short, tmp_path, replicas=3, evaluation_episodes=1)
+        shutil.rmtree(tmp_path / "seed-2")
+        with pytest.raises(InputError, match="or some are missing"):
+            train(short, tmp_path, resume=True, evaluation_episodes=1)
+
+    def test_copies_beside_them_do_not_matter(self, short, tmp_path):
+        train(short, tmp_path, replicas=2, evaluation_episodes=1)
+        shutil.copytree(tmp_path / "seed-1", tmp_path / "seed-1-copy")
+        assert len(train(short, tmp_path, resume=True, evaluation_episodes=1).runs) == 2
+
+    @pytest.mark.parametrize(
+        ("first", "second"),
+        [
+            ({"replicas": 2, "seed": 5}, {"replicas": 2, "seed": 4}),
+            ({"replicas": 2, "seed": 5}, {"replicas": 2, "seed": 7}),
+            ({"replicas": 2}, {}),
+            ({}, {"replicas": 2}),
+        ],
+        ids=["overlapping", "beside", "lone after several", "several after a lone one"],
+    )
+    def test_folder_in_use_is_left_as_it_was(self, short, tmp_path, first, second):
+        train(short, tmp_path, evaluation_episodes=1, **first)
+        before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+        with pytest.raises(InputError, match="holds a run already"):
+            train(short, tmp_path, evaluation_episodes=1, **second)
+        assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+        assert train(short, tmp_path, resume=True, evaluation_episodes=1).finished
+
+    def test_are_saved_together_or_not_at_all(self, short, tmp_path, monkeypatch):
+        train(short, tmp_path, replicas=2, evaluation_episodes=1)
+        longer = short.model_copy(
+            update={"training": short.training.model_copy(update={"steps": 480})}
+        )
+        whole, opened = Path.open, []
+
+        def failing(path, mode="r", *args, **kwargs):
+            if path.name == "policy.json.part" and path.parent.name == "seed-1":
+                opened.append(path)
+                raise OSError(28, "No space left on device")
+            return whole(path, mode, *args, **kwargs)
+
+        monkeypatch.setattr(Path, "open", failing)
+        with pytest.raises(InputError, match="No space left"):
+            train(longer, tmp_path, resume=True, evaluation_episodes=1)
+        monkeypatch.undo()
+        assert opened
+        outcome = train(longer, tmp_path, resume=True, evaluation_episodes=1)
+        assert outcome.trainer.env_steps == 480
+
+    def test_many_are_told_of_by_their_spread(self, tmp_path):
+        arguments = ["--steps", "200", "--replicas", "6", "--out", str(tmp_path)]
+        arguments += ["--set", "training.environments=2", "--set", "training.rollout_slots=100"]
+        output = CliRunner().invoke(app, ["train", "paper/k3-tdd", *arguments]).output
+        assert "6 policies" in output
+        (row,) = (line for line in output.splitlines() if "mean AoI" in line)
+        low, median, high = (float(word) for word in re.findall(r"\d+\.\d+", row))
+        assert low <= median <= high
 
     def test_command_line(self, tmp_path):
         arguments = ["--steps", "200", "--replicas", "2", "--out", str(tmp_path), "--seed", "3"]

@@ -6,7 +6,7 @@ import torch
 
 from iout_marl import World
 from iout_marl.world import State, node_codes
-from trainers.ppo import make_network
+from trainers.factory import make_network
 from trainers.rollout import Simulation
 
 ENVS = 3

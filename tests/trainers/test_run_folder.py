@@ -25,6 +25,7 @@ TAGS = {
     "ppo/loss", "ppo/policy_loss", "ppo/value_loss", "ppo/kl", "ppo/clip_fraction",
     "ppo/entropy", "ppo/explained_variance", "ppo/learning_rate",
     "speed/env_steps_per_s", "speed/rollout_share", "speed/learn_share",
+    "speed/environment_share", "speed/inference_share", "speed/logging_share",
 }  # fmt: skip
 FILES = {
     "scenario.yaml", "policy.safetensors", "policy.json", "checkpoint.pt", "metrics.jsonl",

@@ -1,25 +1,23 @@
 """Proximal policy optimisation (Schulman et al., 2017) on the batched world.
 
-The loop, top to bottom: `Trainer.iterate` collects a rollout, estimates advantages and
+The loop, top to bottom: `Trainer.iterate_all` collects a rollout, estimates advantages and
 takes the clipped-surrogate steps. Every setting is explained in
-`iout_marl.scenario.Training`; every quantity that is logged, in `Trainer.iterate`.
+`iout_marl.scenario.Training`; every quantity that is logged, in `Trainer.iterate_all`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario, Training
 from iout_marl.world import pin_layout
-from iout_marl.world.observation import Observer, Ranges
 from trainers.adam import Adam, clipped
+from trainers.factory import make_network
 from trainers.functions import policy_loss
 from trainers.group import Group
 from trainers.laps import Laps
@@ -27,6 +25,7 @@ from trainers.moments import Moments
 from trainers.networks import ActorCritic, Scaler, aligned, stacked
 from trainers.returns import RewardScale, advantages
 from trainers.rollout import Rollout, Simulation
+from trainers.trained import TrainedPolicy
 
 
 class Trainer:
@@ -142,7 +141,7 @@ class Trainer:
             use_mask=self.settings.mask_actions,
             laps=laps,
         )
-        figures = {**_episode_log(rollout), **self._learn(rollout)}
+        figures = {**_episode_log(rollout), **self._learn(rollout, learning_rate)}
         columns = torch.stack([f.double() for f in figures.values()]).cpu()
         self.env_steps += self.steps_per_iteration
         laps("learn")
@@ -179,7 +178,7 @@ class Trainer:
         """Of (slots, envs, auvs) values: (replicas) or ()."""
         return Moments.of(values, (0, -2, -1), self.group)
 
-    def _learn(self, rollout: Rollout) -> dict[str, Tensor]:
+    def _learn(self, rollout: Rollout, learning_rate: float) -> dict[str, Tensor]:
         settings = self.settings
         self.reward_scale.update(rollout.reward, rollout.truncated)
         advantage = advantages(
@@ -204,7 +203,7 @@ class Trainer:
             data["critic_inputs"] = self._samples(rollout.critic_inputs, 1)
         if rollout.mask is not None:
             data["mask"] = self._samples(rollout.mask, 1)
-        losses = self._epochs(data)
+        losses = self._epochs(data, learning_rate)
         self._follow_inputs(self.network.scaler, rollout.observation)
         if self.network.privileged is not None and rollout.privileged is not None:
             self._follow_inputs(self.network.privileged, rollout.privileged)
@@ -216,9 +215,8 @@ class Trainer:
         if scaler.running:
             scaler.update(Moments.of(seen, (0, -3, -2), self.group))
 
-    def _epochs(self, data: dict[str, Tensor]) -> dict[str, Tensor]:
+    def _epochs(self, data: dict[str, Tensor], learning_rate: float) -> dict[str, Tensor]:
         settings = self.settings
-        learning_rate = self._learning_rate()
         logs: list[dict[str, Tensor]] = []
         for _ in range(settings.epochs):
             minibatches = list(self._minibatches(data["returns"].shape[-1]))
@@ -323,7 +321,20 @@ class Trainer:
             "simulation": self.simulation.state_dict(policy),
             "env_steps": self.env_steps,
             "seed": self.seeds[policy],
+            "side_by_side": [self.seeds.start, len(self.seeds)],
         }
+
+    def policy(self, policy: int = 0, name: str = "ppo") -> TrainedPolicy:
+        """One policy as it is now, to be evaluated.
+
+        Args:
+            policy: which.
+            name: what tables call it.
+        """
+        world = self.simulation.world
+        network = make_network(world.observer, world.action_sizes, self.settings).to(self.device)
+        network.load_state_dict(self.weights(policy))
+        return TrainedPolicy(network, name, use_mask=self.settings.mask_actions)
 
     def weights(self, policy: int = 0) -> dict[str, Tensor]:
         """The `state_dict` of one policy's networks."""
@@ -352,6 +363,10 @@ def _check_shares(settings: Training, replicas: int, group: Group) -> None:
             f"training.environments: {settings.environments} can not be shared evenly by "
             f"{group.size} processes"
         )
+    if group.size > 1 and replicas > 1:
+        raise InputError(
+            "--replicas: policies side by side are trained by one process, without torchrun"
+        )
     if settings.target_kl is not None and replicas > 1:
         raise InputError(
             "training.target_kl: policies trained side by side can not stop their epochs apart; "
@@ -364,36 +379,6 @@ def _taken(values: Tensor, index: Tensor) -> Tensor:
     if index.ndim == 1:
         return values.index_select(0, index)
     return values[torch.arange(len(index), device=index.device)[:, None], index]
-
-
-def make_network(
-    observer: Observer, action_sizes: tuple[int, ...], settings: Training
-) -> ActorCritic:
-    """Untrained networks for a world's observations and actions of these sizes."""
-    privileged = observer.critic_ranges(central=settings.critic == "central")
-    return ActorCritic(
-        _scaler(observer.agent_ranges, settings),
-        action_sizes,
-        settings.hidden_units,
-        settings.activation,
-        None if privileged is None else _scaler(privileged, settings),
-        observer.node_entries if settings.node_network else None,
-    )
-
-
-def _scaler(ranges: Ranges, settings: Training) -> Scaler:
-    entries = len(ranges.low)
-    shift, scale, limit = np.zeros(entries), np.ones(entries), math.inf
-    if settings.observation_scaling == "fixed":
-        shift, scale, limit = ranges.low, ranges.scale, ranges.limit
-    elif settings.observation_scaling == "running":
-        limit = 10.0
-    return Scaler(
-        torch.from_numpy(shift),
-        torch.from_numpy(scale),
-        limit,
-        running=settings.observation_scaling == "running",
-    )
 
 
 def _episode_log(rollout: Rollout) -> dict[str, Tensor]:
