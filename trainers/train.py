@@ -173,8 +173,12 @@ def _refuse_if_used(out: Path, runs: list[RunFolder]) -> None:
 
 def _several_in(out: Path) -> list[RunFolder]:
     """The runs of policies that were trained side by side, by seed."""
-    names = (re.fullmatch(r"seed-(\d+)", path.parent.name) for path in out.glob("*/scenario.yaml"))
-    seeds = sorted(int(match[1]) for match in names if match)
+    try:
+        folders = [path.parent.name for path in out.glob("*/scenario.yaml")]
+    except OSError as error:
+        raise InputError(f"{out}: can not be read: {error.strerror}") from None
+    matches = (re.fullmatch(r"seed-(\d+)", name) for name in folders)
+    seeds = sorted(int(match[1]) for match in matches if match)
     return [RunFolder(out / f"seed-{seed}") for seed in seeds]
 
 
