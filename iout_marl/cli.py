@@ -18,7 +18,15 @@ from iout_marl import __version__
 from iout_marl.cli_studies import Overrides, report, reproduce
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.evaluation import Evaluation, evaluate
-from iout_marl.policies import BASELINES, UNTRAINED, make_baseline
+from iout_marl.policies import (
+    BASELINES,
+    UNTRAINED,
+    USUAL,
+    Budget,
+    PlannerPolicy,
+    Policy,
+    make_baseline,
+)
 from iout_marl.scenario import Scenario, bundled_names, load_scenario, to_yaml
 from iout_marl.world import pin_layout
 
@@ -193,6 +201,24 @@ def evaluate_command(
         typer.Option("--json", metavar="FILE", help="Also write the figures as JSON; - prints it."),
     ] = None,
     *,
+    planner_seconds: Annotated[
+        float | None,
+        typer.Option(help="Time for the planner, of all layouts together; more is better."),
+    ] = None,
+    planner_rounds: Annotated[
+        int | None,
+        typer.Option(
+            help="The same in rounds of its search, which give the same plans on any machine "
+            f"[{USUAL.rounds}]."
+        ),
+    ] = None,
+    planner_start: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME|RUN",
+            help="A policy that the planner starts from: it will be no worse; may be repeated.",
+        ),
+    ] = None,
     transfer: Annotated[
         bool, typer.Option("--transfer", help="Allow runs of another scenario that fits.")
     ] = False,
@@ -200,13 +226,23 @@ def evaluate_command(
 ) -> None:
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
     loaded = load_scenario(scenario, overrides or [])
-    names = policy or list(BASELINES)
-    for name in names:
+    names, starts = policy or list(BASELINES), planner_start or []
+    for name in (*names, *starts):
         if name not in UNTRAINED and _is_folder(name):
             # Where a layout is drawn once for a run, every row plays on the run's.
             loaded = _load_run(loaded, name, transfer=transfer)[1]
             break
-    results = [_evaluate(loaded, name, episodes, seed, transfer=transfer) for name in names]
+    budget = _planner_budget(names, planner_seconds, planner_rounds, starts)
+    warm = [
+        _policy(loaded, start, seed, transfer=transfer, option="--planner-start")[1]
+        for start in starts
+    ]
+    results = []
+    for name in names:
+        own, player = _policy(loaded, name, seed, transfer=transfer)
+        if isinstance(player, PlannerPolicy):
+            player = PlannerPolicy(budget, warm=warm)
+        results.append(evaluate(own, player, episodes, seed))
     records = [r.to_json() for r in results]
     text = json.dumps(records[0] if len(records) == 1 else records, indent=2)
     if json_file is not None and str(json_file) == "-":
@@ -220,18 +256,29 @@ def evaluate_command(
             raise InputError(f"{json_file}: can not be written: {error.strerror}") from None
 
 
-def _evaluate(
-    scenario: Scenario, policy: str, episodes: int, seed: int, *, transfer: bool
-) -> Evaluation:
+def _planner_budget(
+    names: list[str], seconds: float | None, rounds: int | None, starts: list[str]
+) -> Budget:
+    """The budget that the options ask for, of a planner that there is."""
+    is_given = seconds is not None or rounds is not None
+    if (is_given or starts) and "planner" not in names:
+        raise InputError("--planner-…: there is no planner without --policy planner")
+    return Budget(rounds, seconds) if is_given else USUAL
+
+
+def _policy(
+    scenario: Scenario, policy: str, seed: int, *, transfer: bool, option: str = "--policy"
+) -> tuple[Scenario, Policy]:
+    """A policy by its name or folder, and the scenario that it plays."""
     if policy in UNTRAINED:
-        return evaluate(pin_layout(scenario, seed), make_baseline(policy), episodes, seed)
+        return pin_layout(scenario, seed), make_baseline(policy)
     if not _is_folder(policy):
         raise InputError(
-            f"--policy {policy}: neither a baseline nor the folder of a run"
+            f"{option} {policy}: neither a baseline nor the folder of a run"
             + did_you_mean(policy, UNTRAINED)
         )
     run, own = _load_run(scenario, policy, transfer=transfer)
-    return evaluate(own, run.load_policy(), episodes, seed)
+    return own, run.load_policy()
 
 
 app.command()(reproduce)
