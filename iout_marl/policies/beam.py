@@ -49,7 +49,8 @@ class BeamSearch:
     Args:
         simulator: the world.
         episodes: how many are played side by side.
-        choices: how often nodes are chosen after each move.
+        choices: how often nodes are chosen after each move; a fleet's moves are drawn anew
+            for each.
     """
 
     def __init__(self, simulator: Simulator, episodes: int, choices: int) -> None:

@@ -73,8 +73,9 @@ class PlannerPolicy(_Planned):
 
     Args:
         budget: how long to search, for all layouts that are planned in one slot: each gets
-            an equal share, of rounds no more than there are whole ones. So a hundred random
-            layouts take no longer than one, but for the first search of each.
+            an equal share. Of rounds it is rounded down: a hundred random layouts have the
+            first search each and no round, unless there are a hundred. Of seconds it is up:
+            each has one round at least.
         warm: policies, trained ones say, whose episodes the plans are to be no worse than.
         seed: of whatever the search leaves to chance.
     """
