@@ -16,12 +16,17 @@ from rich.table import Table
 
 from iout_marl import __version__
 from iout_marl.cli_bound import bound_command
-from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
+from iout_marl.cli_policies import (
+    evaluate_named,
+    planner_budget,
+    started_planner,
+    with_layout_of_runs,
+)
 from iout_marl.cli_studies import Overrides, report, reproduce
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation
 from iout_marl.files import write_text
-from iout_marl.policies import BASELINES, UNTRAINED
+from iout_marl.policies import BASELINES, UNTRAINED, USUAL
 from iout_marl.scenario import bundled_names, load_scenario, to_yaml
 
 if TYPE_CHECKING:
@@ -202,6 +207,24 @@ def evaluate_command(
         typer.Option("--json", metavar="FILE", help="Also write the figures as JSON; - prints it."),
     ] = None,
     *,
+    planner_seconds: Annotated[
+        float | None,
+        typer.Option(help="Time for the planner, of all layouts together; more is better."),
+    ] = None,
+    planner_rounds: Annotated[
+        int | None,
+        typer.Option(
+            help="The same in rounds of its search, which give the same plans on any machine "
+            f"[{USUAL.rounds}]."
+        ),
+    ] = None,
+    planner_start: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME|RUN",
+            help="A policy that the planner starts from: it will be no worse; may be repeated.",
+        ),
+    ] = None,
     transfer: Annotated[
         bool, typer.Option("--transfer", help="Allow runs of another scenario that fits.")
     ] = False,
@@ -209,9 +232,18 @@ def evaluate_command(
 ) -> None:
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
     loaded = load_scenario(scenario, overrides or [])
-    names = policy or list(BASELINES)
-    loaded = with_layout_of_runs(loaded, names, transfer=transfer)
-    results = [evaluate_named(loaded, name, episodes, seed, transfer=transfer) for name in names]
+    names, starts = policy or list(BASELINES), planner_start or []
+    loaded = with_layout_of_runs(loaded, [*names, *starts], transfer=transfer)
+    planner = None
+    if planner_seconds is not None or planner_rounds is not None or starts:
+        if "planner" not in names:
+            raise InputError("--planner-…: there is no planner without --policy planner")
+        budget = planner_budget(planner_seconds, planner_rounds)
+        planner = started_planner(loaded, starts, budget, seed, transfer=transfer)
+    results = [
+        evaluate_named(loaded, name, episodes, seed, transfer=transfer, planner=planner)
+        for name in names
+    ]
     records = [r.to_json() for r in results]
     text = json.dumps(records[0] if len(records) == 1 else records, indent=2)
     if json_file is not None and str(json_file) == "-":

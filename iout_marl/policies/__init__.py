@@ -6,6 +6,7 @@ from iout_marl.errors import InputError, did_you_mean
 from iout_marl.policies.baselines import Greedy, RandomWalk, RoundRobin
 from iout_marl.policies.planned import PlannerPolicy, Tour
 from iout_marl.policies.policy import Actions, ObservationPolicy, Policy
+from iout_marl.policies.search import USUAL, Budget
 
 #: The baselines by name, in the order in which tables list them.
 BASELINES: dict[str, Callable[[], Policy]] = {
@@ -32,7 +33,9 @@ def make_baseline(name: str) -> Policy:
 __all__ = [
     "BASELINES",
     "UNTRAINED",
+    "USUAL",
     "Actions",
+    "Budget",
     "Greedy",
     "ObservationPolicy",
     "PlannerPolicy",

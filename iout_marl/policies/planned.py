@@ -2,48 +2,57 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from iout_marl.policies.policy import Actions
-from iout_marl.policies.search import Plan, Planner
+from iout_marl.policies.policy import Actions, Policy
+from iout_marl.policies.search import USUAL, Budget, Planner
+from iout_marl.policies.simulator import Plan
 from iout_marl.world import State, World
 
 
 class _Planned:
     """Plays episodes as planned; from a state that no plan has foreseen it plans anew.
 
-    Knows the whole scenario and the whole state, learns nothing and leaves nothing to chance.
+    Knows the whole scenario and the whole state, and learns nothing. The layouts that are
+    planned in one slot share the budget.
     """
 
     searches: bool
 
-    def __init__(self) -> None:
+    def __init__(
+        self, budget: Budget = USUAL, *, warm: Sequence[Policy] = (), seed: int = 0
+    ) -> None:
+        self._budget = budget
+        self._warm = tuple(warm)
+        self._seed = seed
         self._known: WeakKeyDictionary[World, tuple[Planner, list[Plan | None]]]
         self._known = WeakKeyDictionary()
 
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:  # noqa: ARG002
         if world not in self._known:
-            self._known[world] = (
-                Planner(world.scenario, searches=self.searches),
-                [None] * world.num_envs,
-            )
+            planner = Planner(world.scenario, searches=self.searches, seed=self._seed)
+            self._known[world] = planner, [None] * world.num_envs
         planner, plans = self._known[world]
-        fresh: dict[bytes, Plan] = {}
-        actions = []
-        for env, current in enumerate(plans):
+        slots: list[int] = []
+        fresh: dict[bytes, tuple[State, list[int]]] = {}
+        for env, plan in enumerate(plans):
             here = State(*(array[env : env + 1] for array in state))
-            plan, row = current, _foreseen(current, here)
-            if plan is None or row is None:
+            slot = _foreseen(plan, here)
+            slots.append(slot or 0)
+            if slot is None:
                 # Of environments that are alike one is planned.
                 key = b"".join(np.asarray(array).tobytes() for array in here)
-                if key not in fresh:
-                    fresh[key] = planner.plan(here)
-                plan, row = fresh[key], 0
+                fresh.setdefault(key, (here, []))[1].append(env)
+        for here, envs in fresh.values():
+            plan = planner.plan(here, self._budget.shared(len(fresh)), self._warm)
+            for env in envs:
                 plans[env] = plan
-            actions.append(plan.actions[row])
-        return np.array(actions)
+        return np.array(
+            [plan.actions[slot] for plan, slot in zip(plans, slots, strict=True) if plan]
+        )
 
 
 class Tour(_Planned):
@@ -55,9 +64,21 @@ class Tour(_Planned):
     name = "tour"
     searches = False
 
+    def __init__(self) -> None:
+        super().__init__()
+
 
 class PlannerPolicy(_Planned):
-    """The best tour, improved on by a beam search in the world itself, see `Planner`."""
+    """The best tour, improved on by beam searches in the world itself, see `Planner`.
+
+    Args:
+        budget: how long to search, for all layouts that are planned in one slot: each gets
+            an equal share. Of rounds it is rounded down: a hundred random layouts have the
+            first search each and no round, unless there are a hundred. Of seconds it is up:
+            each has one round at least.
+        warm: policies, trained ones say, whose episodes the plans are to be no worse than.
+        seed: of whatever the search leaves to chance.
+    """
 
     name = "planner"
     searches = True

@@ -201,6 +201,17 @@ def test_run_in_another_world_is_evaluated_by_transfer(iout, trained, tiny_setti
     assert json.loads(out)["policy"] == str(trained)
 
 
+def test_planner_may_start_from_a_run(iout, trained, tiny_settings):
+    def mean_age(*words):
+        _, out, _ = iout("evaluate", "best/k3-fdd", *tiny_settings, *words, "--json", "-")
+        return json.loads(out)["metrics"]["mean_aoi"]["mean"]
+
+    budget = ("--policy", "planner", "--planner-rounds", "0")
+    both = mean_age(*budget, "--planner-start", trained, "--transfer")
+    assert both <= min(mean_age(*budget), mean_age("--policy", trained, "--transfer"))
+    assert mean_age("--policy", "planner", "--planner-seconds", "0") == mean_age(*budget)
+
+
 def test_figures_do_not_depend_on_who_else_is_evaluated(iout, trained, tiny_settings):
     words = ["evaluate", "best/k3-fdd", *tiny_settings, "--episodes", 2, "--json", "-"]
     alone = json.loads(iout(*words, "--policy", trained)[1])

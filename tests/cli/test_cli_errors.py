@@ -96,6 +96,24 @@ def test_bad_policy(refused, policy, expected):
     assert expected in refused("evaluate", "paper/k3-fdd", "--policy", policy)
 
 
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["--policy", "tour", "--planner-seconds", "3"], "no planner without --policy planner"),
+        (["--planner-start", "greedy"], "no planner without --policy planner"),
+        (
+            ["--policy", "planner", "--planner-seconds", "3", "--planner-rounds", "1"],
+            "either rounds or seconds",
+        ),
+        (["--policy", "planner", "--planner-seconds", "-3"], "seconds must be 0 or more, not -3.0"),
+        (["--policy", "planner", "--planner-rounds", "-3"], "rounds must not be negative, not -3"),
+        (["--policy", "planner", "--planner-start", "gredy"], "--planner-start gredy: neither"),
+    ],
+)
+def test_bad_budget_of_a_planner(refused, words, expected):
+    assert expected in refused("evaluate", "paper/k3-fdd", *words)
+
+
 def test_one_bad_policy_among_good_ones(refused):
     words = ["--episodes", 1, "--policy", "greedy", "--policy", "gredy"]
     assert "did you mean 'greedy'?" in refused("evaluate", "paper/k3-fdd", *words)

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from iout_marl import World, evaluate, load_scenario
 from iout_marl.bounds import delivery_bound
 from iout_marl.evaluation import play
-from iout_marl.policies import PlannerPolicy, Tour, make_baseline
+from iout_marl.policies import Budget, PlannerPolicy, Tour, make_baseline
 from iout_marl.policies.routes import (
     moves_between,
     nearest_neighbour_order,
@@ -24,6 +24,7 @@ from iout_marl.world import node_codes
 OTHERS = ("random-walk", "round-robin", "greedy")
 BY_EPISODE = {"nodes": {"kind": "random", "count": 6}}
 SHORT = {"episode.duration_s": 500}
+FIRST = Budget(rounds=0)
 
 
 def points(least=1, most=14):
@@ -112,7 +113,7 @@ GOALS = [
 def test_are_strong(duplex, auvs, tour, planner):
     changes = {"auvs.count": auvs, "channel.access": "interference"}
     scenario = load_scenario(f"best/k10-{duplex}", changes)
-    ages = mean_age(scenario, "tour"), mean_age(scenario, "planner")
+    ages = mean_age(scenario, "tour"), mean_age(scenario, PlannerPolicy(Budget(rounds=1)))
     assert ages[0] < tour
     assert delivery_bound(scenario) <= ages[1] < planner
     assert ages[1] <= ages[0] < 0.7 * min(mean_age(scenario, other, 20) for other in OTHERS)
@@ -122,11 +123,11 @@ def test_are_strong(duplex, auvs, tour, planner):
 @pytest.mark.parametrize("name", ["paper/k5-fdd", "paper/k5-tdd", "best/k5-tdd"])
 def test_are_ahead_whatever_the_access(name, access):
     scenario = load_scenario(name, {"auvs.count": 2, "channel.access": access})
-    assert mean_age(scenario, "planner") <= mean_age(scenario, "tour")
+    assert mean_age(scenario, PlannerPolicy(FIRST)) <= mean_age(scenario, "tour")
     assert mean_age(scenario, "tour") < 0.9 * min(mean_age(scenario, other, 20) for other in OTHERS)
 
 
-@pytest.mark.parametrize("policy", [Tour, PlannerPolicy])
+@pytest.mark.parametrize("policy", [Tour, lambda: PlannerPolicy(FIRST)], ids=["tour", "planner"])
 @pytest.mark.parametrize("name", ["paper/k5-fdd", "best/k5-tdd"])
 def test_several_take_turns_where_one_may_send(name, policy):
     changes = {"auvs.count": 3, "channel.access": "exclusive"}
@@ -137,7 +138,9 @@ def test_several_take_turns_where_one_may_send(name, policy):
     assert max(delivered) == 1
 
 
-@pytest.mark.parametrize("policy", [Tour, PlannerPolicy])
+@pytest.mark.parametrize(
+    "policy", [Tour, lambda: PlannerPolicy(Budget(rounds=1))], ids=["tour", "planner"]
+)
 @pytest.mark.parametrize("name", ["paper/k3-fdd", "paper/k3-tdd", "best/k3-tdd"])
 @pytest.mark.parametrize("motion", ["six", "hover"])
 @pytest.mark.parametrize(
@@ -181,8 +184,9 @@ class TestLayouts:
 
     def test_a_batch_is_as_its_environments_alone(self, name):
         scenario = self.scenario(name)
-        together = evaluate(scenario, "planner", 4).samples["mean_aoi"]
-        alone = [evaluate(scenario, "planner", 1, seed).samples["mean_aoi"][0] for seed in range(4)]
+        together = evaluate(scenario, PlannerPolicy(Budget(rounds=4)), 4).samples["mean_aoi"]
+        policy = PlannerPolicy(Budget(rounds=1))
+        alone = [evaluate(scenario, policy, 1, seed).samples["mean_aoi"][0] for seed in range(4)]
         assert together == pytest.approx(alone, abs=1e-9)
         assert len(set(alone)) == 4
 
@@ -190,7 +194,7 @@ class TestLayouts:
         world = World(self.scenario(name, auvs=1), 2)
         codes = node_codes(world.scenario, world.grid, [np.random.default_rng(3)])[0]
         order = np.random.default_rng(4).permutation(len(codes))
-        policy, rng = PlannerPolicy(), np.random.default_rng(0)
+        policy, rng = PlannerPolicy(Budget(rounds=2)), np.random.default_rng(0)
         state = world.reset(np.stack([codes, codes[order]]))
         for _ in range(world.num_slots):
             action = policy.act(world, state, rng)
@@ -200,10 +204,9 @@ class TestLayouts:
 
     def test_two_worlds_in_turn(self, name):
         scenario = self.scenario(name)
-        expected = [
-            evaluate(scenario, "planner", 1, seed).samples["mean_aoi"][0] for seed in (5, 6)
-        ]
-        worlds, policy = [World(scenario), World(scenario)], PlannerPolicy()
+        policy = PlannerPolicy(FIRST)
+        expected = [evaluate(scenario, policy, 1, seed).samples["mean_aoi"][0] for seed in (5, 6)]
+        worlds, policy = [World(scenario), World(scenario)], PlannerPolicy(FIRST)
         episodes = [play(w, policy, seed) for w, seed in zip(worlds, (5, 6), strict=True)]
         *_, last = zip(*episodes, strict=True)
         found = [w.metrics(s)["mean_aoi"][0] for w, (s, _) in zip(worlds, last, strict=True)]
@@ -211,7 +214,7 @@ class TestLayouts:
 
     def test_goes_on_from_a_state_that_it_did_not_foresee(self, name):
         scenario = self.scenario(name)
-        world, policy, rng = World(scenario, 3), PlannerPolicy(), np.random.default_rng(0)
+        world, policy, rng = World(scenario, 3), PlannerPolicy(FIRST), np.random.default_rng(0)
         streams = [np.random.default_rng(i) for i in range(3)]
         state = world.reset(node_codes(scenario, world.grid, streams))
         for slot in range(world.num_slots):

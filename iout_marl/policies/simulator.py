@@ -1,0 +1,85 @@
+"""A scenario's world as planners use it: any number of episodes, played on from any state."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.policies.choice import choose
+from iout_marl.scenario import Scenario, Tdd, load_scenario
+from iout_marl.world import State, World
+
+Integers = npt.NDArray[np.int64]
+
+#: How TDD chooses between nodes after each move, see `choose`: all are tried.
+HASTES = (1.0, 4.0)
+
+
+class Plan(NamedTuple):
+    """An episode as foreseen, slot by slot."""
+
+    states: State  # before each slot: (slots, …)
+    actions: Integers  # (slots, auvs, entries)
+    age_sum: float  # at the end, see `State`
+
+
+class Simulator:
+    """Plays episodes of a scenario, as many side by side as there are states.
+
+    Args:
+        scenario: the scenario.
+
+    Attributes:
+        world: its world, with one environment.
+        hastes: how nodes are chosen, see `choose`: one way in FDD, several in TDD.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        # What is of no matter to a plan costs time in every step.
+        self._scenario = load_scenario(scenario, {"observation.view_range_m": None})
+        self.world = World(self._scenario)
+        self.hastes = HASTES if isinstance(scenario.duplex, Tdd) else HASTES[:1]
+        self._worlds: dict[int, World] = {1: self.world}
+
+    def towards(self, cell: Integers, target: Integers) -> Integers:
+        """The directions, in the grid, that end nearest to the targets; (envs, auvs) each."""
+        motion, link = self.world.motion, self.world.link
+        offset = link.offset(motion.neighbours(cell), target[..., None])
+        distance_m = link.at(link.distance_m, offset)
+        return np.where(motion.stays_inside(cell), distance_m, np.inf).argmin(-1)
+
+    def actions(self, state: State, direction: Integers) -> Integers:
+        """Whole actions after (envs, auvs) directions, (hastes, envs, auvs, entries)."""
+        cell, _, _ = self.world.motion.move(state.cell, direction)
+        nodes = choose(self.world, state, cell, self.hastes)
+        directions = np.broadcast_to(direction[..., None], (*nodes.shape[:-1], 1))
+        return np.concatenate([directions, nodes], axis=-1)
+
+    def step(self, state: State, action: Integers) -> State:
+        """The states after one slot, by the rules of `World.step`."""
+        count = len(action)
+        if count not in self._worlds:
+            self._worlds[count] = World(self._scenario, count)
+        return self._worlds[count].step(state, action)[0]
+
+    def replay(self, state: State, actions: Integers) -> Plan:
+        """The plan that (slots, auvs, entries) actions make from a state of one environment."""
+        states = []
+        for action in actions:
+            states.append(state)
+            state = self.step(state, action[None])
+        before = State(*(np.concatenate(values) for values in zip(*states, strict=True)))
+        return Plan(before, actions, float(state.age_sum[0]))
+
+
+def rows(state: State, index: Integers) -> State:
+    """The states of those environments."""
+    return state.map(lambda array: array[index])
+
+
+def with_nodes(state: State, order: Integers) -> State:
+    """The state with the nodes in another order."""
+    names = ("node_cell", "age", "energy_j", "deliveries")
+    return state._replace(**{name: getattr(state, name)[:, order] for name in names})
