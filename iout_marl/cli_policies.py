@@ -90,7 +90,7 @@ def _is_folder(name: str) -> bool:
 def _load_run(scenario: Scenario, name: str, *, transfer: bool) -> tuple[RunFolder, Scenario]:
     import torch
 
-    from trainers.train import load_run
+    from trainers.loading import load_run
 
     torch.set_num_threads(1)
     return load_run(Path(name), scenario, transfer=transfer)

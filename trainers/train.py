@@ -23,6 +23,7 @@ from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.files import write_together
 from iout_marl.scenario import Scenario
 from trainers.group import Group, LostProcessError
+from trainers.loading import differences
 from trainers.logs import TrainingLog
 from trainers.ppo import Trainer
 from trainers.run_folder import RunFolder, readable
@@ -267,22 +268,6 @@ def _resumed(
     return trainer
 
 
-def differences(first: Scenario, second: Scenario) -> list[str]:
-    """Dotted keys in which two scenarios differ, names and descriptions aside."""
-
-    def flat(data: object, path: str) -> dict[str, object]:
-        if not isinstance(data, dict):
-            return {path: data}
-        return {
-            k: v
-            for key, value in data.items()
-            for k, v in flat(value, f"{path}.{key}" if path else key).items()
-        }
-
-    a, b = (flat(s.model_dump(exclude={"name", "description"}), "") for s in (first, second))
-    return [key for key in {**a, **b} if a.get(key) != b.get(key)]
-
-
 def _result(trainer: Trainer, policy: int, evaluation: Evaluation, seconds: float) -> str:
     result = {
         "version": iout_marl.__version__,
@@ -321,61 +306,3 @@ def _stop_signals(*, catch: bool) -> Iterator[list[int]]:
     finally:
         for name, handler in before.items():
             signal.signal(name, handler)
-
-
-def _traits(scenario: Scenario) -> dict[str, str | int]:
-    """What says how many entries observations and actions have, and what they mean."""
-    seen, several = scenario.observation, scenario.num_auvs > 1
-    return {
-        "auvs.count": scenario.num_auvs,
-        "nodes.count": scenario.num_nodes,
-        "duplex.kind": scenario.duplex.kind,
-        "auvs.motion": scenario.auvs.motion,
-        "observation.kind": seen.kind,
-        "observation.node_positions": seen.node_positions,
-        "observation.time": seen.time,
-        "observation.other_auvs": seen.other_auvs and several,
-        "observation.agent_index": seen.agent_index,
-        "observation.view_range_m": "null" if seen.view_range_m is None else "a range",
-    }
-
-
-def load_run(run: Path, scenario: Scenario, *, transfer: bool) -> tuple[RunFolder, Scenario]:
-    """A run's folder, and the scenario to evaluate its policy on.
-
-    Args:
-        run: the folder.
-        scenario: what the user asks for. Where its layout is drawn once for a run, the
-            run's own layout is used.
-        transfer: allow another world than that of the training, as long as observations
-            and actions fit.
-
-    Raises:
-        InputError: no run, or one of another scenario.
-    """
-    folder = RunFolder(run)
-    shape = folder.policy_shape()
-    own = folder.scenario()
-    if own.world_hash != shape["world_hash"]:
-        raise InputError(f"{run}: its policy is of another scenario than scenario.yaml beside it")
-    if scenario.world_hash in (shape["world_hash"], shape["source_world_hash"]):
-        return folder, scenario.model_copy(update={"nodes": own.nodes})
-    given = _traits(scenario)
-    misfits = [
-        f"{key} {needed}, not {given[key]}"
-        for key, needed in _traits(own).items()
-        if needed != given[key]
-    ]
-    if misfits:
-        raise InputError(
-            f"{run}: was trained on another scenario, {own.name}: its observations and actions "
-            f"do not fit; it needs {'; '.join(misfits)}"
-        )
-    if not transfer:
-        different = differences(own, scenario)
-        where = next(k for k in different if not k.startswith(("reward.", "training.")))
-        raise InputError(
-            f"{run}: was trained on another scenario, {own.name}, whose {where} differs; "
-            "--transfer evaluates it all the same"
-        )
-    return folder, scenario

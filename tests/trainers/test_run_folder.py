@@ -15,8 +15,8 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from iout_marl import InputError, evaluate, load_scenario
 from trainers import RunFolder, Trainer, find_device, train
+from trainers.loading import load_run
 from trainers.run_folder import RESULTS
-from trainers.train import load_run
 
 #: Of design.md; `reward/…` are the terms of the scenario's reward.
 TAGS = {
