@@ -58,32 +58,37 @@ class Ours:
         return TrainedPolicy(self._trainer.network)
 
 
+def at_papers_settings(scenario: Scenario, seed: int) -> Any:
+    """Stable-Baselines3's PPO on the joint environment, at the paper's settings."""
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    from iout_marl.envs import AUVEnv
+
+    settings = load_scenario(scenario, {"training.preset": "paper"}).training
+    samples = settings.environments * settings.rollout_slots
+    return PPO(
+        "MlpPolicy",
+        DummyVecEnv([lambda: AUVEnv(scenario)] * settings.environments),
+        learning_rate=settings.learning_rate,
+        n_steps=settings.rollout_slots,
+        batch_size=samples // settings.minibatches,
+        n_epochs=settings.epochs,
+        gamma=settings.discount,
+        gae_lambda=settings.gae_lambda,
+        clip_range=settings.clip,
+        ent_coef=settings.entropy_coefficient,
+        device="cpu",
+        seed=seed,
+    )
+
+
 class StableBaselines3:
     """Stable-Baselines3 on the joint environment, at the paper's settings."""
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
-        from stable_baselines3 import PPO
-        from stable_baselines3.common.vec_env import DummyVecEnv
-
-        from iout_marl.envs import AUVEnv
-
         self.scenario = scenario
-        settings = load_scenario(scenario, {"training.preset": "paper"}).training
-        samples = settings.environments * settings.rollout_slots
-        self._model = PPO(
-            "MlpPolicy",
-            DummyVecEnv([lambda: AUVEnv(scenario)] * settings.environments),
-            learning_rate=settings.learning_rate,
-            n_steps=settings.rollout_slots,
-            batch_size=samples // settings.minibatches,
-            n_epochs=settings.epochs,
-            gamma=settings.discount,
-            gae_lambda=settings.gae_lambda,
-            clip_range=settings.clip,
-            ent_coef=settings.entropy_coefficient,
-            device="cpu",
-            seed=seed,
-        )
+        self._model = at_papers_settings(scenario, seed)
 
     def learn(self) -> int:
         self._model.learn(8_000, reset_num_timesteps=False)

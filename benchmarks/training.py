@@ -29,32 +29,15 @@ from pathlib import Path
 
 import machine
 import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import DummyVecEnv
+from contestants import at_papers_settings
 
-from iout_marl.envs import AUVEnv
 from iout_marl.scenario import load_scenario
 from trainers import Trainer
 
 
 def stable_baselines3(name: str, steps: int = 8_000) -> float:
     """Stable-Baselines3 at the paper's settings."""
-    settings = load_scenario(name, {"training.preset": "paper"}).training
-    vec_env = DummyVecEnv([lambda: AUVEnv(name) for _ in range(settings.environments)])
-    model = PPO(
-        "MlpPolicy",
-        vec_env,
-        learning_rate=settings.learning_rate,
-        n_steps=settings.rollout_slots,
-        batch_size=settings.environments * settings.rollout_slots // settings.minibatches,
-        n_epochs=settings.epochs,
-        gamma=settings.discount,
-        gae_lambda=settings.gae_lambda,
-        clip_range=settings.clip,
-        ent_coef=settings.entropy_coefficient,
-        device="cpu",
-        seed=0,
-    )
+    model = at_papers_settings(load_scenario(name), seed=0)
     started = time.perf_counter()
     model.learn(steps)
     return steps / (time.perf_counter() - started)

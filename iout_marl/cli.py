@@ -22,7 +22,7 @@ from iout_marl.cli_policies import (
     started_planner,
     with_layout_of_runs,
 )
-from iout_marl.cli_studies import Overrides, report, reproduce
+from iout_marl.cli_studies import JsonFile, Overrides, ScenarioArgument, report, reproduce
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation
 from iout_marl.files import write_text
@@ -44,9 +44,6 @@ app = typer.Typer(
     help="AUVs that charge underwater sensor nodes by sound and collect their data.",
 )
 
-ScenarioArgument = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="A bundled name, or a path to a YAML file.")
-]
 #: Policies that a table has a column for each of; of more it tells the spread.
 SIDE_BY_SIDE = 4
 #: Rows of the table of an evaluation: metric, heading, decimals.
@@ -202,10 +199,7 @@ def evaluate_command(
     ] = None,
     episodes: Annotated[int, typer.Option(min=1, help="Episodes of each policy.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="Seed of layouts and chance.")] = 0,
-    json_file: Annotated[
-        Path | None,
-        typer.Option("--json", metavar="FILE", help="Also write the figures as JSON; - prints it."),
-    ] = None,
+    json_file: JsonFile = None,
     *,
     planner_seconds: Annotated[
         float | None,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -11,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
-from iout_marl.cli_studies import Overrides
+from iout_marl.cli_studies import JsonFile, Overrides, ScenarioArgument
 from iout_marl.files import write_text
 from iout_marl.scenario import RandomNodes, load_scenario
 
@@ -25,9 +24,7 @@ RANDOM_EPISODES = 20
 
 
 def bound_command(
-    scenario: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="A bundled name, or a path to a YAML file.")
-    ],
+    scenario: ScenarioArgument,
     policy: Annotated[
         list[str] | None,
         typer.Option(
@@ -41,10 +38,7 @@ def bound_command(
             min=0, help="Time to search for a higher bound, about; policies and check come on top."
         ),
     ] = 60.0,
-    json_file: Annotated[
-        Path | None,
-        typer.Option("--json", metavar="FILE", help="Also write the figures as JSON; - prints it."),
-    ] = None,
+    json_file: JsonFile = None,
     overrides: Overrides = None,
 ) -> None:
     """Print a mean AoI that no policy can beat, checked, and how far policies are from it."""

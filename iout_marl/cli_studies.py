@@ -15,6 +15,13 @@ from iout_marl import machine
 from iout_marl.errors import InputError
 from iout_marl.files import write_atomically
 
+ScenarioArgument = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A bundled name, or a path to a YAML file.")
+]
+JsonFile = Annotated[
+    Path | None,
+    typer.Option("--json", metavar="FILE", help="Also write the figures as JSON; - prints it."),
+]
 Overrides = Annotated[
     list[str] | None,
     typer.Option(

@@ -15,7 +15,7 @@ from iout_marl.errors import InputError
 from iout_marl.policies import ObservationPolicy, Policy, make_baseline
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import Events, State, World, node_codes, pin_layout
-from iout_marl.world.actions import checked_actions
+from iout_marl.world.actions import ActionCheck
 
 #: Metrics in the order of reports. `reward` is the undiscounted return of an AUV,
 #: averaged over AUVs; the others are those of `World.metrics`.
@@ -159,12 +159,10 @@ def play(world: World, policy: Policy, seed: int = 0) -> Iterator[tuple[State, E
     streams = [np.random.default_rng(seed + i) for i in range(world.num_envs)]
     state = world.reset(node_codes(world.scenario, world.grid, streams))
     rng = np.random.default_rng(seed)
+    check = ActionCheck(world.num_envs, world.num_auvs, world.action_sizes)
     yield state, None
     for _ in range(world.num_slots):
-        actions = checked_actions(
-            policy.act(world, state, rng), world.num_envs, world.num_auvs, world.action_sizes
-        )
-        state, events = world.step(state, actions)
+        state, events = world.step(state, check(policy.act(world, state, rng)))
         yield state, events
 
 

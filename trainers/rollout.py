@@ -45,6 +45,28 @@ class Rollout:
     episodes: list[dict[str, Tensor]] = field(default_factory=list)  # metrics: mean over envs
     reward_terms: dict[str, Tensor] = field(default_factory=dict)  # mean of each term a slot
 
+    def log(self) -> dict[str, Tensor]:
+        """Means of the episodes that ended, and of the rewards, by TensorBoard tag: () each."""
+        tags = {
+            "mean_aoi": "aoi/mean",
+            "final_aoi": "aoi/final",
+            "peak_aoi": "aoi/peak",
+            "jain": "fairness/jain",
+            "harvested_kj": "energy/harvested_kj",
+            "spent_kj": "energy/spent_kj",
+            "uplink_success": "uplink/success_rate",
+            "age_violations": "constraints/age_violations",
+            "jain_violation": "constraints/jain_violation",
+        }
+        log = {
+            tag: torch.stack([e[name] for e in self.episodes]).mean(0)
+            for name, tag in tags.items()
+            if self.episodes
+        }
+        log |= {f"reward/{name}": value for name, value in self.reward_terms.items()}
+        log["reward/total"] = torch.stack(list(self.reward_terms.values())).sum(0)
+        return log
+
 
 class Simulation:
     """The batched world, its state, and the streams that it draws from.
@@ -216,15 +238,15 @@ class Simulation:
     def _judge(self, rollout: Rollout, network: ActorCritic) -> None:
         """Fill in what the critic sees, and its values."""
         if rollout.privileged is not None:
-            seen = self._policies_first(rollout.privileged)
-            inputs = network.critic_inputs(self._policies_first(rollout.inputs), seen)
-            rollout.critic_inputs = self._policies_first(inputs)
+            seen = self.policies_first(rollout.privileged)
+            inputs = network.critic_inputs(self.policies_first(rollout.inputs), seen)
+            rollout.critic_inputs = self.policies_first(inputs)
         for first in range(0, len(rollout.value), _SLOTS_AT_ONCE):
             slots = slice(first, first + _SLOTS_AT_ONCE)
-            value = network.value(self._policies_first(rollout.critic_inputs[slots]))
-            rollout.value[slots] = self._policies_first(value)
+            value = network.value(self.policies_first(rollout.critic_inputs[slots]))
+            rollout.value[slots] = self.policies_first(value)
 
-    def _policies_first(self, values: Tensor) -> Tensor:
+    def policies_first(self, values: Tensor) -> Tensor:
         """(slots, replicas, …) as (replicas, slots, …), and back; as it is for a lone policy."""
         return values.movedim(1, 0) if self.replicas else values
 

@@ -73,12 +73,11 @@ class RunFolder:
             )
 
     def create(self, scenario: Scenario) -> None:
-        """Make the folder for a new run.
+        """Make the folder for a new run; what `refuse_if_used` finds would be written over.
 
         Raises:
-            InputError: it holds a run already, or can not be made.
+            InputError: it can not be made.
         """
-        self.refuse_if_used()
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             for leftover in (self.metrics_path, *self.path.glob("events.out.tfevents.*")):

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from iout_marl import physics
 from iout_marl.scenario import Scenario, Tdd
 from iout_marl.world import World, node_codes
+from iout_marl.world.duplex import TimeDivision
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -148,19 +149,9 @@ def _stored_rule(
 def _smallest_beta(
     world: World, stored_j: Floats, harvested_w: Floats, power_per_snr_w: Floats
 ) -> Floats:
-    scenario, link = world.scenario, world.link
-    assert isinstance(scenario.duplex, Tdd)
+    assert isinstance(world.duplex, TimeDivision)
     return np.asarray(
-        physics.smallest_beta(
-            stored_j,
-            harvested_w,
-            power_per_snr_w,
-            link.slot_s,
-            scenario.uplink.packet_bits,
-            link.channel.bandwidth_hz,
-            scenario.duplex.beta_min,
-            scenario.duplex.beta_max,
-        )
+        physics.smallest_beta(stored_j, harvested_w, power_per_snr_w, *world.duplex.interval)
     )
 
 
@@ -173,18 +164,9 @@ def _paper_rule(
     tolerance_j: float,
 ) -> Tables:
     """TDD with β*: where there is a root, a slot brings what its uplink takes."""
-    scenario, link = world.scenario, world.link
-    assert isinstance(scenario.duplex, Tdd)
-    beta = physics.beta_star(
-        harvested_w,
-        power_per_snr_w,
-        link.slot_s,
-        scenario.uplink.packet_bits,
-        link.channel.bandwidth_hz,
-        scenario.duplex.beta_min,
-        scenario.duplex.beta_max,
-    )
-    harvest_j = harvested_w * link.slot_s
+    assert isinstance(world.duplex, TimeDivision)
+    beta = physics.beta_star(harvested_w, power_per_snr_w, *world.duplex.interval)
+    harvest_j = harvested_w * world.link.slot_s
     has_root = np.broadcast_to(~np.isnan(beta), (*beta.shape[:-1], len(levels_j)))
     stays = np.broadcast_to(np.arange(len(levels_j)), has_root.shape)
     paid = _paid(levels_j, levels_j, uplink_j, tolerance_j)

@@ -62,10 +62,3 @@ class ActionCheck:
                 "each entry counts from 0 and stays below its size"
             )
         return taken
-
-
-def checked_actions(
-    action: Any, num_envs: int, num_auvs: int, sizes: Sequence[int]
-) -> npt.NDArray[np.int64]:
-    """The actions of one slot, by `ActionCheck`."""
-    return ActionCheck(num_envs, num_auvs, sizes)(action)

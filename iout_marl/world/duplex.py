@@ -84,7 +84,8 @@ class TimeDivision:
         self._xp = backend.xp
         self._zero = backend.floats(0.0)
         self._one = backend.floats(1.0)
-        self._interval = (
+        #: What `physics.beta_star` and `smallest_beta` take last: slot, packet, band, bounds.
+        self.interval = (
             link.slot_s,
             scenario.uplink.packet_bits,
             link.channel.bandwidth_hz,
@@ -113,7 +114,7 @@ class PaperRule(TimeDivision):
     def __init__(self, duplex: Tdd, scenario: Scenario, link: Link, backend: Backend) -> None:
         super().__init__(duplex, scenario, link, backend)
         xp = backend.xp
-        root = physics.beta_star(link.harvested_w, link.power_per_snr_w, *self._interval)
+        root = physics.beta_star(link.harvested_w, link.power_per_snr_w, *self.interval)
         self._has_root = ~xp.isnan(root)
         #: β and the energy of its uplink by offset; 1, charging only, without a root.
         self._beta_star = xp.where(self._has_root, root, self._one)
@@ -140,7 +141,7 @@ class StoredRule(TimeDivision):
         xp, link = self._xp, self._link
         power_per_snr_w = link.at(link.power_per_snr_w, uplink_offset)
         harvested_w = link.at(link.harvested_w, charging_offset)
-        beta = physics.smallest_beta(stored_j, harvested_w, power_per_snr_w, *self._interval)
+        beta = physics.smallest_beta(stored_j, harvested_w, power_per_snr_w, *self.interval)
         beta = xp.where(xp.isnan(beta), self._one, beta)
         only_sends = stored_j > link.at(link.slot_uplink_j, uplink_offset)
         beta = xp.where(only_sends, self._zero, beta)

@@ -141,7 +141,7 @@ class Trainer:
             use_mask=self.settings.mask_actions,
             laps=laps,
         )
-        figures = {**_episode_log(rollout), **self._learn(rollout, learning_rate)}
+        figures = {**rollout.log(), **self._learn(rollout, learning_rate)}
         columns = torch.stack([f.double() for f in figures.values()]).cpu()
         self.env_steps += self.steps_per_iteration
         laps("learn")
@@ -171,8 +171,7 @@ class Trainer:
 
         The last `entries` axes are no samples.
         """
-        policies_first = values.movedim(1, 0) if self._axes else values
-        return policies_first.flatten(self._axes, -1 - entries)
+        return self.simulation.policies_first(values).flatten(self._axes, -1 - entries)
 
     def _moments(self, values: Tensor) -> Moments:
         """Of (slots, envs, auvs) values: (replicas) or ()."""
@@ -190,8 +189,9 @@ class Trainer:
             settings.gae_lambda,
         )
         returns = advantage + rollout.value
+        of_returns = self._moments(returns)
         if settings.normalise_value:
-            self.network.follow_returns(self._moments(returns))
+            self.network.follow_returns(of_returns)
         data = {
             "inputs": self._samples(rollout.inputs, 1),
             "action": self._samples(rollout.action, 1),
@@ -208,8 +208,8 @@ class Trainer:
         if self.network.privileged is not None and rollout.privileged is not None:
             self._follow_inputs(self.network.privileged, rollout.privileged)
         unexplained = self._moments(returns - rollout.value).variance
-        of_returns = self._moments(returns).variance.clamp_min(1e-12)
-        return {**losses, "ppo/explained_variance": 1 - unexplained / of_returns}
+        explained = 1 - unexplained / of_returns.variance.clamp_min(1e-12)
+        return {**losses, "ppo/explained_variance": explained}
 
     def _follow_inputs(self, scaler: Scaler, seen: Tensor) -> None:
         if scaler.running:
@@ -379,26 +379,3 @@ def _taken(values: Tensor, index: Tensor) -> Tensor:
     if index.ndim == 1:
         return values.index_select(0, index)
     return values[torch.arange(len(index), device=index.device)[:, None], index]
-
-
-def _episode_log(rollout: Rollout) -> dict[str, Tensor]:
-    """Mean over the episodes that ended in a rollout, by TensorBoard tag."""
-    tags = {
-        "mean_aoi": "aoi/mean",
-        "final_aoi": "aoi/final",
-        "peak_aoi": "aoi/peak",
-        "jain": "fairness/jain",
-        "harvested_kj": "energy/harvested_kj",
-        "spent_kj": "energy/spent_kj",
-        "uplink_success": "uplink/success_rate",
-        "age_violations": "constraints/age_violations",
-        "jain_violation": "constraints/jain_violation",
-    }
-    log = {
-        tag: torch.stack([e[name] for e in rollout.episodes]).mean(0)
-        for name, tag in tags.items()
-        if rollout.episodes
-    }
-    log |= {f"reward/{name}": value for name, value in rollout.reward_terms.items()}
-    log["reward/total"] = torch.stack(list(rollout.reward_terms.values())).sum(0)
-    return log
