@@ -3,11 +3,12 @@
 The derivations stand in `docs/bounds.md`.
 """
 
-from iout_marl.bounds.bound import Bound, bound
+from iout_marl.bounds.bound import USUAL_SECONDS, Bound, bound
 from iout_marl.bounds.certificate import Certificate, verified_age_sum
 from iout_marl.bounds.scheduling import delivery_bound, least_age_sum
 
 __all__ = [
+    "USUAL_SECONDS",
     "Bound",
     "Certificate",
     "bound",

@@ -16,6 +16,8 @@ from iout_marl.bounds.scheduling import least_age_sum
 from iout_marl.bounds.sharing import fits, oldest_age
 from iout_marl.scenario import RandomNodes, Scenario, Tdd
 
+#: How long a bound is searched for unless told otherwise.
+USUAL_SECONDS = 60.0
 #: What the search's floating-point sums of ages may be too high by; more than enough.
 ROUNDING_SLOTS = 0.5
 
@@ -62,7 +64,9 @@ class Bound:
         }
 
 
-def bound(scenario: Scenario, best_known: float | None = None, seconds: float = 60.0) -> Bound:
+def bound(
+    scenario: Scenario, best_known: float | None = None, seconds: float = USUAL_SECONDS
+) -> Bound:
     """Bounds on the mean AoI of any policy, verified by `verified_age_sum`.
 
     Args:

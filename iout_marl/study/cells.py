@@ -15,8 +15,11 @@ from typing import Any
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.scenario.layers import Layer, overrides_layer
-from iout_marl.study.schema import TRAINED, Group, Settings, Study
+from iout_marl.study.schema import BOUND, TRAINED, Group, Settings, Study
 from iout_marl.world import WORLD_VERSION
+
+#: Environment steps that are trained in a second, and in the time of a planner's round, about.
+STEPS_PER_SECOND, STEPS_PER_ROUND = 2e5, 4e5
 
 
 @dataclass(frozen=True)
@@ -27,9 +30,11 @@ class Cell:
         group, series: where the report shows it.
         axis: its place on the study's axis.
         scenario: the scenario, settings filled in.
-        policy: a baseline, or `ppo`.
+        policy: a baseline, `ppo`, or `bound`.
         seed: seeds the training, or a baseline's choices.
         episodes: how many episodes it is judged by.
+        effort: how much a search may take: rounds of the planner, seconds for a bound; None
+            for the usual, and for whatever searches nothing.
     """
 
     group: str
@@ -39,6 +44,7 @@ class Cell:
     policy: str
     seed: int
     episodes: int
+    effort: float | None = None
 
     @property
     def trains(self) -> bool:
@@ -49,6 +55,8 @@ class Cell:
     def key(self) -> str:
         """Name of its files: the same for cells that compute the same."""
         identity = [self.scenario.hash, self.policy, self.seed, self.episodes, WORLD_VERSION]
+        if self.effort is not None:
+            identity.append(self.effort)
         digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:10]
         name = re.sub(r"[^\w.-]+", "-", self.scenario.name)
         return f"{name}-{self.policy}-s{self.seed}-{digest}"
@@ -56,6 +64,8 @@ class Cell:
     @property
     def cost(self) -> float:
         """How long it takes, roughly, in environment steps."""
+        if self.effort is not None:
+            return self.effort * (STEPS_PER_SECOND if self.policy == BOUND else STEPS_PER_ROUND)
         evaluation = self.episodes * self.scenario.num_slots
         return evaluation + (self.scenario.training.steps if self.trains else 0)
 
@@ -118,7 +128,16 @@ def _expand_group(
         axis = _axis(scenario, study, layer)
         for policy, seed in itertools.product(group.policies, group.seeds[:few]):
             series = _series(group, where, name, {"policy": policy, "variant": variant, **point})
-            yield Cell(name, series, axis, scenario, policy, seed, group.episodes)
+            yield Cell(
+                name,
+                series,
+                axis,
+                scenario,
+                policy,
+                seed,
+                episodes=1 if policy == BOUND else group.episodes,
+                effort={"planner": group.planner_rounds, BOUND: group.bound_seconds}.get(policy),
+            )
 
 
 def _grid(group: Group) -> Iterator[Settings]:

@@ -18,8 +18,8 @@ from iout_marl import machine
 from iout_marl.errors import InputError
 from iout_marl.evaluation import METRICS, Estimate
 from iout_marl.study.cells import Cell
-from iout_marl.study.schema import Axis, Study
-from iout_marl.world import WORLD_VERSION
+from iout_marl.study.schema import BOUND, Axis, Study
+from iout_marl.world import WORLD_VERSION, pin_layout
 
 #: Changes whenever older files can no longer be read.
 FORMAT = 1
@@ -67,8 +67,9 @@ class TrainingRecord(BaseModel):
 class Record(BaseModel):
     """What a cell has computed.
 
-    `samples` has every metric of every episode; `episode` the first episode in full, of
-    policies that were trained (see `iout_marl.episode.Episode`).
+    `samples` has every metric of every episode, of a bound the one that it bounds; `episode`
+    the first episode in full, of policies that were trained (see `iout_marl.episode.Episode`).
+    `world_hash` is that of the world that was played: of one layout, where one was drawn.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -106,7 +107,7 @@ class Record(BaseModel):
             key=cell.key,
             scenario=scenario.name,
             scenario_hash=scenario.hash,
-            world_hash=scenario.world_hash,
+            world_hash=pin_layout(scenario, cell.seed).world_hash,
             duplex=scenario.duplex.kind,
             nodes=scenario.num_nodes,
             auvs=scenario.num_auvs,
@@ -115,7 +116,7 @@ class Record(BaseModel):
             policy=cell.policy,
             seed=cell.seed,
             episodes=cell.episodes,
-            samples={name: rounded(samples[name]) for name in METRICS},
+            samples={name: rounded(samples[name]) for name in metrics_of(cell.policy)},
             training=training,
             episode=episode,
             machine=machine.describe(),
@@ -124,7 +125,7 @@ class Record(BaseModel):
 
     @model_validator(mode="after")
     def _has_every_sample(self) -> Self:
-        for name in METRICS:
+        for name in metrics_of(self.policy):
             values = self.samples.get(name, [])
             if len(values) != self.episodes or not np.isfinite(values).all():
                 raise ValueError(f"samples.{name} must hold a number for each episode")
@@ -133,6 +134,11 @@ class Record(BaseModel):
     def mean(self, metric: str) -> float:
         """A metric's mean over the episodes."""
         return float(np.mean(self.samples[metric]))
+
+
+def metrics_of(policy: str) -> tuple[str, ...]:
+    """What is known of a policy, or of a bound."""
+    return ("mean_aoi",) if policy == BOUND else METRICS
 
 
 def rounded(values: Iterable[float]) -> list[float]:
@@ -257,7 +263,7 @@ class Results(BaseModel):
 
     def measured(self, series: str, place: float, metric: str) -> Measured | None:
         """A metric of a series at a place; None where nothing was measured."""
-        records = self.records(series, place)
+        records = [r for r in self.records(series, place) if metric in r.samples]
         if not records:
             return None
         bounds = BOUNDS.get(metric, NOT_NEGATIVE)
@@ -284,7 +290,10 @@ class Results(BaseModel):
                 (
                     *(cell.group, cell.series, f"{cell.axis:g}", record.scenario),
                     *(record.scenario_hash, record.policy, record.seed, record.episodes),
-                    *(f"{record.mean(metric):.{DIGITS}g}" for metric in METRICS),
+                    *(
+                        f"{record.mean(metric):.{DIGITS}g}" if metric in record.samples else ""
+                        for metric in METRICS
+                    ),
                     *((training.env_steps, training.seconds) if training else ("", "")),
                     *((emissions.energy_kwh, emissions.co2_kg) if emissions else ("", "")),
                 )

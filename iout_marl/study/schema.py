@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
+from iout_marl.bounds import USUAL_SECONDS
 from iout_marl.errors import did_you_mean
 from iout_marl.policies import UNTRAINED
 from iout_marl.scenario.layers import Layer, read_file
@@ -16,7 +17,9 @@ from iout_marl.scenario.sources import find_study
 
 #: The policy that is trained, by the scenario's `training` section.
 TRAINED = "ppo"
-POLICIES = (*UNTRAINED, TRAINED)
+#: What stands where a policy does, and is the mean AoI that none can beat.
+BOUND = "bound"
+POLICIES = (*UNTRAINED, TRAINED, BOUND)
 
 Settings: TypeAlias = dict[str, Any]
 Seed: TypeAlias = Annotated[int, Field(ge=0, lt=2**63)]
@@ -56,8 +59,13 @@ class Group(Section):
     scenarios: Annotated[tuple[str, ...], Field(min_length=1, strict=False)]
     policies: Annotated[tuple[str, ...], Field(min_length=1, strict=False)]
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1, strict=False)] = (0,)
-    #: Episodes in which each policy is evaluated.
+    #: Episodes in which each policy is evaluated; a bound has one figure.
     episodes: Count = 100
+    #: How long the planner searches: so many rounds for all episodes together; null for the
+    #: usual few.
+    planner_rounds: Annotated[int, Field(ge=0)] | None = None
+    #: How long a bound is searched for, about.
+    bound_seconds: NonNegative = USUAL_SECONDS
     #: Dotted keys over every scenario.
     settings: Settings = Field(default_factory=dict)
     #: Dotted keys over every scenario, by the name of the variant.

@@ -9,12 +9,15 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from iout_marl.bounds import bound
 from iout_marl.episode import record_episode
 from iout_marl.evaluation import evaluate
+from iout_marl.policies import Budget, PlannerPolicy
 from iout_marl.scenario import load_scenario
 from iout_marl.study.cells import Cell
 from iout_marl.study.emissions import measured
 from iout_marl.study.results import Record, TrainingRecord, rounded
+from iout_marl.study.schema import BOUND
 from iout_marl.world import pin_layout
 
 #: What of a training's log goes into the report, and at how many points at most.
@@ -42,7 +45,15 @@ def run_cell(cell: Cell, carbon_g_per_kwh: float) -> Output:
     if cell.trains:
         return _train(cell, carbon_g_per_kwh)
     scenario = pin_layout(cell.scenario, cell.seed)
-    evaluation = evaluate(scenario, cell.policy, cell.episodes, cell.seed)
+    if cell.policy == BOUND:
+        found = bound(scenario, seconds=cell.effort or 0)
+        text = json.dumps(found.to_json(), indent=2) + "\n"
+        return Output(
+            Record.of(cell, {"mean_aoi": [found.best]}, _today()), {"bound.json": text.encode()}
+        )
+    searches = cell.policy == "planner" and cell.effort is not None
+    policy = PlannerPolicy(Budget(rounds=int(cell.effort or 0))) if searches else cell.policy
+    evaluation = evaluate(scenario, policy, cell.episodes, cell.seed)
     return Output(Record.of(cell, evaluation.samples, _today()), {})
 
 

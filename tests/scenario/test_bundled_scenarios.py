@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from iout_marl import World, bundled_names, load_scenario
 from iout_marl.scenario import bundled_root, to_yaml
+from iout_marl.world import pin_layout
 
 PAPER = [
     f"{family}/k{nodes}-{duplex}"
@@ -20,7 +21,8 @@ MULTI = [
         for auvs, nodes, duplex in itertools.product((1, 2, 3, 4), (10, 20, 50), ("fdd", "tdd"))
     ),
 ]
-EXPECTED = [*PAPER, *MULTI]
+RANDOM = [name.replace("best", "random") for name in PAPER if name.startswith("best")]
+EXPECTED = [*PAPER, *MULTI, *RANDOM]
 
 
 def test_list_is_complete():
@@ -54,6 +56,17 @@ def test_of_several_auvs_is_what_its_name_says(name):
     assert scenario.reward.kind == "mean_age"
     assert scenario.num_slots == (55 if nodes == "k13" else 100)
     assert scenario.description
+
+
+@pytest.mark.parametrize("name", RANDOM)
+def test_of_random_layouts_is_the_best_one_elsewhere(name):
+    scenario = load_scenario(name)
+    best = load_scenario(name.replace("random", "best"))
+    first, again, second = (pin_layout(scenario, seed) for seed in (0, 0, 1))
+    assert first.nodes == again.nodes != second.nodes
+    alike = {"nodes": best.nodes, "name": best.name, "description": best.description}
+    assert first.num_nodes == best.num_nodes
+    assert first.model_copy(update=alike) == best
 
 
 def test_layouts_of_several_auvs_begin_with_the_papers():
