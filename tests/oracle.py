@@ -431,11 +431,14 @@ class Oracle:
         """Eqs. `reward function` and `penalty …` for the slot just stepped, for each AUV."""
         reward = self.scenario.reward
         ages = [self.age_term(self.age, self.jain()) for _ in self.auvs]
+        jains = [self.jain() - 1 for _ in self.auvs]
         if reward.credit == "difference":
             for auv, book in enumerate(self.notebooks):
                 ages[auv] -= self.age_term(book.age_without, book.jain_without())
+                jains[auv] -= book.jain_without() - 1
         if reward.kind == "mean_age":
-            return {"age": ages}
+            fairness = [reward.fairness_weight * jain for jain in jains]
+            return {"age": ages} | ({"fairness": fairness} if reward.fairness_weight else {})
         fair_share = self.scenario.num_slots / len(self.nodes)
         terms = {
             "age": ages,

@@ -39,6 +39,7 @@ _CAME_LATER = (
     ("observation", "other_auvs", True),
     ("observation", "view_range_m", None),
     ("reward", "credit", "team"),
+    ("reward", "fairness_weight", 0.0),
     ("reward", "separation_penalty", 10.0),
     ("training", "critic", "own"),
     ("training", "node_network", False),
@@ -283,9 +284,11 @@ class PaperReward(Section):
 
 
 class MeanAgeReward(Section):
-    """r = −(1/K) Σ δ_k A_k."""
+    """r = −((1/K) Σ δ_k A_k + w (1 − J))."""
 
     kind: Literal["mean_age"] = "mean_age"
+    #: w, in slots of mean age: what fairness is worth. Where the paper multiplies, this adds.
+    fairness_weight: NonNegative = 0.0
     credit: Credit = "team"
 
 

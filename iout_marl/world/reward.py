@@ -28,27 +28,51 @@ class Reward(Protocol):
         ...
 
 
-class MeanAge:
-    """r = −(1/K) Σ δ_k A_k, credited to the team or to each AUV for its part."""
+class WeightedAge:
+    """(1/K) Σ δ_k A_k."""
 
-    def __init__(self, scenario: Scenario, credit: Credit, backend: Backend) -> None:
+    def __init__(self, scenario: Scenario, backend: Backend) -> None:
         self._weights = backend.floats([w / scenario.num_nodes for w in scenario.node_weights])
         self._all_alike = set(scenario.node_weights) == {1.0}
-        self._credit = credit
 
-    def weighted_age(self, state: State) -> Array:
-        """(1/K) Σ δ_k A_k, (envs,)."""
-        return state.mean_age if self._all_alike else self.weighted(state.age)
+    def __call__(self, state: State) -> Array:
+        """Of a state, (envs,)."""
+        return state.mean_age if self._all_alike else self.of(state.age)
 
-    def weighted(self, age: Array) -> Array:
-        """(1/K) Σ δ_k A_k of (…, nodes) ages: (…)."""
+    def of(self, age: Array) -> Array:
+        """Of (…, nodes) ages, (…)."""
         return age @ self._weights
 
-    def __call__(self, state: State, events: Events) -> Mapping[str, Array]:  # noqa: ARG002
-        return {"age": self._credit.share(-self.weighted_age(state), self._term, state)}
 
-    def _term(self, age: Array, deliveries: Array) -> Array:  # noqa: ARG002
-        return -self.weighted(age)
+class MeanAge:
+    """r = −((1/K) Σ δ_k A_k + w (1 − J)), credited to the team or to each AUV for its part."""
+
+    def __init__(
+        self,
+        settings: MeanAgeReward,
+        age: WeightedAge,
+        nodes: NodeAxis,
+        credit: Credit,
+        backend: Backend,
+    ) -> None:
+        self._age = age
+        self._fairness_weight = settings.fairness_weight
+        self._num_nodes = nodes.num_nodes
+        self._credit = credit
+        self._xp = backend.xp
+
+    def __call__(self, state: State, events: Events) -> Mapping[str, Array]:  # noqa: ARG002
+        share = self._credit.share
+        terms = {"age": share(-self._age(state), lambda age, _: -self._age.of(age), state)}
+        if self._fairness_weight:
+            terms["fairness"] = share(self._unfairness(state.jain), self._unfairness_of, state)
+        return terms
+
+    def _unfairness(self, jain: Array) -> Array:
+        return self._fairness_weight * (jain - 1)
+
+    def _unfairness_of(self, age: Array, deliveries: Array) -> Array:  # noqa: ARG002
+        return self._unfairness(jain_of(self._xp, deliveries, self._num_nodes))
 
 
 class Paper:
@@ -61,6 +85,7 @@ class Paper:
     def __init__(
         self,
         settings: PaperReward,
+        age: WeightedAge,
         scenario: Scenario,
         link: Link,
         nodes: NodeAxis,
@@ -72,7 +97,7 @@ class Paper:
         self._link = link
         self._nodes = nodes
         self._xp = backend.xp
-        self._mean_age = MeanAge(scenario, credit, backend)
+        self._age = age
         self._is_fdd = scenario.duplex.kind == "fdd"
         self._weight = backend.floats(-settings.age_weight)
         self._one = backend.floats(1.0)
@@ -91,7 +116,7 @@ class Paper:
 
     def __call__(self, state: State, events: Events) -> Mapping[str, Array]:
         settings, xp, nodes = self._settings, self._xp, self._nodes
-        age = self._weight * (self._one - state.jain) * self._mean_age.weighted_age(state)
+        age = self._weight * (self._one - state.jain) * self._age(state)
         served = nodes.chosen(state.deliveries, nodes.place(events.heard))
         overserved = events.delivered & (served > self._ideal_deliveries)
         terms = {
@@ -110,7 +135,7 @@ class Paper:
     def _discriminated_age(self, age: Array, deliveries: Array) -> Array:
         """The age term of (…, nodes) ages and deliveries: (…)."""
         jain = jain_of(self._xp, deliveries, self._nodes.num_nodes)
-        return self._weight * (self._one - jain) * self._mean_age.weighted(age)
+        return self._weight * (self._one - jain) * self._age.of(age)
 
     def _fdd(self, state: State, events: Events) -> Array:
         """Eq. `penalty for missed information fdd`: no node, or the wrong one, heard."""
@@ -135,6 +160,7 @@ def make_reward(
     scenario: Scenario, link: Link, nodes: NodeAxis, credit: Credit, backend: Backend
 ) -> Reward:
     """The reward part that a scenario names."""
+    age = WeightedAge(scenario, backend)
     if isinstance(scenario.reward, MeanAgeReward):
-        return MeanAge(scenario, credit, backend)
-    return Paper(scenario.reward, scenario, link, nodes, credit, backend)
+        return MeanAge(scenario.reward, age, nodes, credit, backend)
+    return Paper(scenario.reward, age, scenario, link, nodes, credit, backend)

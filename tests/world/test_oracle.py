@@ -93,6 +93,9 @@ CASES = {
     "mean-age-with-weights": Case(
         "paper/k3-fdd", FDD, {"reward": {"kind": "mean_age"}, **THREE_WEIGHTS}
     ),
+    "mean-age-and-fairness": Case(
+        "best/k5-tdd", TDD | {"least charging"}, {"reward.fairness_weight": 7.5}
+    ),
     "paper-reward-with-weights": Case(
         "paper/k3-tdd", TDD, {"reward.age_weight": 1.5, **THREE_WEIGHTS}
     ),
@@ -197,6 +200,11 @@ CASES = {
         {"reward.credit": "difference", "auvs.count": 4, **THREE_WEIGHTS},
     ),
     "difference-reward-of-one": Case("best/k3-fdd", FDD, {"reward.credit": "difference"}),
+    "difference-of-mean-age-and-fairness": Case(
+        "best/k5-fdd",
+        FDD | SHARED,
+        {"reward.credit": "difference", "reward.fairness_weight": 7.5, "auvs.count": 3},
+    ),
     "equation-fdd": Case("paper/k3-fdd", FDD, {**EQUATION, **COLD}),
     "equation-tdd": Case("paper/k3-tdd", TDD, {**EQUATION, **WARM}),
     "tiny-cells-table": Case("paper/k3-fdd", FDD, {"charging.power_w": 30, **TINY_CELLS}),
