@@ -28,6 +28,7 @@ class Line:
         low, high: 95 % confidence interval at every point; empty where there is none. A
             single point without one has NaN.
         dashed: drawn so.
+        joined: False for points alone.
         colour: which colour of the palette, where lines of several names belong together.
         in_legend: False for a line that shares the legend's entry of another.
     """
@@ -38,6 +39,7 @@ class Line:
     low: tuple[float, ...] = ()
     high: tuple[float, ...] = ()
     dashed: bool = False
+    joined: bool = True
     colour: int | None = None
     in_legend: bool = True
 

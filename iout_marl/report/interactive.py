@@ -128,7 +128,7 @@ def _hover(plot: Plot, series: Series) -> dict[str, Any]:
 def _line(plot: Plot, series: Series) -> dict[str, Any]:
     trace: dict[str, Any] = {
         "type": "scatter",
-        "mode": "lines+markers",
+        "mode": "lines+markers" if series.line.joined else "markers",
         "x": series.x,
         "y": series.y,
         "line": {

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections import Counter
 
 from iout_marl.report.content import Report, Section, Table
+from iout_marl.report.fronts import front_section
+from iout_marl.report.gaps import gap_lead, gap_section
 from iout_marl.report.measures import duration, place_text
 from iout_marl.report.palette import COLOURS
 from iout_marl.report.study_figures import learning_figure, metric_figure, metrics_table
 from iout_marl.study.results import Results
+from iout_marl.study.schema import BOUND
 
 #: Metrics that get a figure of their own.
 FIGURES = (
@@ -20,12 +23,13 @@ FIGURES = (
 
 def plain_report(results: Results) -> Report:
     """Every series over the axis."""
+    bounds = {cell.series for cell in results.cells if cell.record.policy == BOUND}
     best = min(
         (
             (measured.mean, name, place)
             for name in results.series
             for place in results.places(name)
-            if (measured := results.measured(name, place, "mean_aoi"))
+            if name not in bounds and (measured := results.measured(name, place, "mean_aoi"))
         ),
         default=None,
     )
@@ -35,6 +39,7 @@ def plain_report(results: Results) -> Report:
             f"The lowest mean AoI, {best[0]:.2f}, is that of {best[1]} at "
             f"{results.axis.label} = {place_text(best[2])}."
         )
+    lead += gap_lead(results)
     overview = Section(
         key="overview",
         title="Series over the axis",
@@ -47,7 +52,10 @@ def plain_report(results: Results) -> Report:
             metrics_table(results, "metrics", "All series", results.series),
         ),
     )
-    sections = [overview, learning_section(results, results.series), cells_section(results)]
+    sections = [overview, gap_section(results)]
+    if results.front:
+        sections.append(front_section(results))
+    sections += [learning_section(results, results.series), cells_section(results)]
     return Report(
         title=results.title,
         lead=tuple(lead),

@@ -74,7 +74,7 @@ def lay_out(plot: Plot) -> list[Series]:
                 y=y,
                 low=tuple(a if k else math.nan for a, k in zip(low, known, strict=True)),
                 high=tuple(a if k else math.nan for a, k in zip(high, known, strict=True)),
-                band=not bars and not plot.categories and len(line.x) >= _BAND_FROM,
+                band=not bars and not plot.categories and line.joined and len(line.x) >= _BAND_FROM,
                 width=0.92 * step,
             )
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from iout_marl.render import style
 from iout_marl.report import palette
-from iout_marl.report.content import Figure, Plot, Trajectory
+from iout_marl.report.content import Figure, Line, Plot, Trajectory
 from iout_marl.report.series import Series, lay_out, ticks, x_limits, y_limits
 
 if TYPE_CHECKING:
@@ -85,11 +85,22 @@ def _legend_entry(plot: Plot, series: Series) -> Any:
 
     if plot.kind == "bars":
         return Patch(label=series.line.name, **_bar_look(series))
-    dashes: Any = (0, (4, 2)) if series.line.dashed else "-"
     mark = palette.MARKS[series.mark][0]
     return Line2D(
-        [], [], color=series.colour, linestyle=dashes, marker=mark, ms=4, label=series.line.name
+        [],
+        [],
+        color=series.colour,
+        linestyle=_line_style(series.line),
+        marker=mark,
+        ms=4,
+        label=series.line.name,
     )
+
+
+def _line_style(line: Line) -> Any:
+    if not line.joined:
+        return "none"
+    return (0, (4, 2)) if line.dashed else "-"
 
 
 def _draw_line(axes: Any, series: Series) -> None:
@@ -97,7 +108,7 @@ def _draw_line(axes: Any, series: Series) -> None:
         series.x,
         series.y,
         color=series.colour,
-        linestyle=(0, (4, 2)) if series.line.dashed else "-",
+        linestyle=_line_style(series.line),
         linewidth=1.5,
         marker=palette.MARKS[series.mark][0],
         markersize=4,

@@ -14,6 +14,7 @@ from iout_marl.report.content import Line, Plot, Table, Trajectory
 from iout_marl.report.measures import metric as metric_text
 from iout_marl.report.measures import place_text
 from iout_marl.study.results import Measured, Record, Results
+from iout_marl.study.schema import BOUND
 
 #: Metrics that are drawn and tabled: heading, and what its unit is.
 HEADINGS = {
@@ -43,7 +44,10 @@ LEARNING = (
 def protocol(results: Results, series: Iterable[str]) -> str:
     """Seeds, episodes and what the intervals are of, for the caption of a figure."""
     groups: dict[tuple[bool, int, int], list[str]] = {}
+    bounds = [name for name in series if results.records(name)[0].policy == BOUND]
     for name in series:
+        if name in bounds:
+            continue
         records = results.records(name)
         seeds = max(len(results.records(name, place)) for place in results.places(name))
         groups.setdefault((records[0].training is not None, seeds, records[0].episodes), []).append(
@@ -62,6 +66,8 @@ def protocol(results: Results, series: Iterable[str]) -> str:
         else:
             interval = "a single episode, without an interval"
         sentences.append(f"{who}: {what}; {interval}.")
+    if bounds:
+        sentences.append(f"{_listed(bounds)}: certified, no policy's mean AoI is lower.")
     return " ".join(sentences)
 
 
@@ -78,7 +84,11 @@ def metric_figure(
     remark: str = "",
 ) -> Plot:
     """Bars of a metric, by series, over the axis."""
-    shown = [name for name in series if results.records(name)]
+    shown = [
+        name
+        for name in series
+        if any(results.measured(name, place, metric) for place in results.places(name))
+    ]
     lines = []
     for colour, name in enumerate(shown):
         places = results.places(name)

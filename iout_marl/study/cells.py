@@ -15,7 +15,7 @@ from typing import Any
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.scenario.layers import Layer, overrides_layer
-from iout_marl.study.schema import BOUND, TRAINED, Group, Settings, Study
+from iout_marl.study.schema import BOUND, TRAINED, Group, Quick, Settings, Study
 from iout_marl.world import WORLD_VERSION
 
 #: Environment steps that are trained in a second, and in the time of a planner's round, about.
@@ -117,6 +117,7 @@ def _expand_group(
     study: Study, layer: Layer, name: str, group: Group, overrides: Settings, *, quick: bool
 ) -> Iterator[Cell]:
     few = study.quick.seeds if quick else None
+    efforts = _efforts(group, study.quick if quick else None)
     last = {**(study.quick.settings if quick else {}), **overrides}
     points = itertools.product(enumerate(group.scenarios), group.variants.items(), _grid(group))
     for (i, source), (variant, changes), point in points:
@@ -136,8 +137,18 @@ def _expand_group(
                 policy,
                 seed,
                 episodes=1 if policy == BOUND else group.episodes,
-                effort={"planner": group.planner_rounds, BOUND: group.bound_seconds}.get(policy),
+                effort=efforts.get(policy),
             )
+
+
+def _efforts(group: Group, quick: Quick | None) -> dict[str, float | None]:
+    """What the planner and a bound may take."""
+    rounds, seconds = group.planner_rounds, group.bound_seconds
+    if quick is not None and quick.planner_rounds is not None and rounds is not None:
+        rounds = min(rounds, quick.planner_rounds)
+    if quick is not None and quick.bound_seconds is not None:
+        seconds = min(seconds, quick.bound_seconds)
+    return {"planner": rounds, BOUND: seconds}
 
 
 def _grid(group: Group) -> Iterator[Settings]:

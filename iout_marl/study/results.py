@@ -209,6 +209,7 @@ class Results(BaseModel):
     description: str
     report: str
     axis: Axis
+    front: bool = False
     carbon_g_per_kwh: float
     quick: bool
     command: str
@@ -233,6 +234,7 @@ class Results(BaseModel):
             description=study.description,
             report=study.report,
             axis=study.axis,
+            front=study.front,
             carbon_g_per_kwh=study.carbon_g_per_kwh,
             quick=quick,
             command=command,

@@ -45,6 +45,9 @@ class Quick(Section):
     axis: Annotated[tuple[float, ...], Field(min_length=1, strict=False)] | None = None
     #: How many seeds of each group, from its first.
     seeds: Count | None = None
+    #: What searches may take, at most: rounds of the planner, seconds for a bound.
+    planner_rounds: Annotated[int, Field(ge=0)] | None = None
+    bound_seconds: NonNegative | None = None
     #: Groups that are left out.
     without: Annotated[tuple[str, ...], Field(strict=False)] = ()
     #: Dotted keys over those of every group.
@@ -96,6 +99,8 @@ class Study(Section):
     #: `paper` answers the paper's claims, `plain` shows every series over the axis.
     report: Literal["paper", "plain"] = "plain"
     axis: Axis = Axis()
+    #: Show mean AoI against fairness, and the Pareto front of each world.
+    front: bool = False
     quick: Quick = Quick()
     #: Carbon intensity of the electricity, in g of CO2 for a kWh; codecarbon's of the world.
     carbon_g_per_kwh: NonNegative = 475.0

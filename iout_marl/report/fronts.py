@@ -1,0 +1,155 @@
+"""Mean AoI against fairness: what was reached in each world, and its Pareto front."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from iout_marl.report.content import Line, Plot, Section, Table
+from iout_marl.report.measures import METRIC_DIGITS
+from iout_marl.report.study_figures import HEADINGS, protocol
+from iout_marl.study.results import Record, Results
+from iout_marl.study.schema import BOUND
+
+#: From this Jain's index on, to the digits of tables, P1 is as good as met.
+FAIR = 0.9995
+
+DEGENERATE = (
+    "The objective of the paper's P1, (1 − J) · mean AoI, is 0 for every policy that serves all "
+    "nodes alike often, however old their data are: no bound but 0 holds for it, and a gap in "
+    "percent of 0 is none. What can be compared is the Pareto front: the least mean AoI for each "
+    "fairness."
+)
+
+
+@dataclass(frozen=True)
+class Point:
+    """What a run reaches: (1 − J) times mean AoI is the objective of the paper's P1."""
+
+    series: str
+    seed: int
+    jain: float
+    mean_aoi: float
+
+    @property
+    def objective(self) -> float:
+        """(1 − J) · mean AoI, in slots."""
+        return (1 - self.jain) * self.mean_aoi
+
+
+def pareto_front(points: Iterable[Point]) -> list[Point]:
+    """Those for which no other is as fair and as fresh and better in one; fairest last."""
+    front: list[Point] = []
+    for point in sorted(points, key=lambda p: (-p.jain, p.mean_aoi)):
+        if not front or point.mean_aoi < front[-1].mean_aoi:
+            front.append(point)
+    return front[::-1]
+
+
+def front_section(results: Results) -> Section:
+    """A figure and a table for each world of the study in which runs differ."""
+    worlds: dict[str, list[tuple[str, Record]]] = {}
+    for cell in results.cells:
+        if cell.record.policy != BOUND:
+            worlds.setdefault(cell.record.world_hash, []).append((cell.series, cell.record))
+    items: list[Plot | Table] = []
+    told = []
+    for number, records in enumerate(worlds.values(), start=1):
+        points = [
+            Point(series, r.seed, r.mean("jain"), r.mean("mean_aoi")) for series, r in records
+        ]
+        name = records[0][1].scenario
+        items += [
+            _figure(results, f"front-{number}", name, points),
+            _table(results, f"front-table-{number}", name, points),
+        ]
+        told.append(_degeneracy(name, points))
+    return Section(
+        "front",
+        "Freshness against fairness",
+        paragraphs=(DEGENERATE, *told),
+        items=tuple(items),
+    )
+
+
+def _degeneracy(world: str, points: Sequence[Point]) -> str:
+    """What P1 prefers there, beside what is fresh."""
+    freshest = min(points, key=lambda p: p.mean_aoi)
+    best = min(points, key=lambda p: p.objective)
+    text = (
+        f"{world}: of all runs P1 prefers {_told(best)}; the freshest is {_told(freshest)}, "
+        f"for P1 {freshest.objective / best.objective:,.0f} times as bad."
+        if best.objective > 0
+        else f"{world}: P1 prefers {_told(best)}; the freshest is {_told(freshest)}."
+    )
+    fair = [p.mean_aoi for p in points if p.jain >= FAIR]
+    if len(fair) > 1:
+        text += (
+            f" {len(fair)} runs have a Jain's index of 1.000; their mean AoI goes from "
+            f"{min(fair):.2f} to {max(fair):.2f}."
+        )
+    return text
+
+
+def _told(point: Point) -> str:
+    return (
+        f"one of {point.series} (mean AoI {point.mean_aoi:.2f}, J {point.jain:.4f}, "
+        f"(1 − J) · mean AoI {point.objective:.4f})"
+    )
+
+
+def _figure(results: Results, key: str, world: str, points: Sequence[Point]) -> Plot:
+    names = list(dict.fromkeys(point.series for point in points))
+    front = pareto_front(points)
+    lines = [
+        Line(
+            name,
+            tuple(point.jain for point in points if point.series == name),
+            tuple(point.mean_aoi for point in points if point.series == name),
+            joined=False,
+            colour=colour,
+        )
+        for colour, name in enumerate(names)
+    ]
+    lines.append(
+        Line(
+            "Pareto front",
+            tuple(point.jain for point in front),
+            tuple(point.mean_aoi for point in front),
+            dashed=True,
+            colour=len(names),
+        )
+    )
+    return Plot(
+        key=key,
+        title=f"Mean AoI against fairness: {world}",
+        caption=f"A point is a run; of those on the line none is better in both. "
+        f"{protocol(results, names)}",
+        command=results.command,
+        x_label=HEADINGS["jain"],
+        y_label=HEADINGS["mean_aoi"],
+        lines=tuple(lines),
+    )
+
+
+def _table(results: Results, key: str, world: str, points: Sequence[Point]) -> Table:
+    front = pareto_front(points)
+    rows = [
+        (
+            point.series,
+            f"{point.seed}",
+            f"{point.jain:.4f}",
+            f"{point.mean_aoi:.{METRIC_DIGITS['mean_aoi']}f}",
+            f"{point.objective:.4f}",
+        )
+        for point in front
+    ]
+    return Table(
+        key=key,
+        title=f"Pareto front: {world}",
+        caption="Of every other run one of these is at least as fair and at least as fresh.",
+        command=results.command,
+        columns=("Series", "Seed", HEADINGS["jain"], HEADINGS["mean_aoi"], "(1 − J) · mean AoI"),
+        rows=tuple(rows),
+        numeric=frozenset(range(1, 5)),
+    )
