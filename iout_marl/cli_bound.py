@@ -13,6 +13,7 @@ from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
 from iout_marl.cli_studies import JsonFile, Overrides, ScenarioArgument
 from iout_marl.files import write_text
 from iout_marl.scenario import RandomNodes, load_scenario
+from iout_marl.world import pin_layout
 
 if TYPE_CHECKING:
     from iout_marl.bounds import Bound
@@ -38,6 +39,14 @@ def bound_command(
             min=0, help="Time to search for a higher bound, about; policies and check come on top."
         ),
     ] = 60.0,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="Seeds the policies' episodes, and where nodes are drawn once for a run, draws "
+            "them as a run of this seed does [0, the bound being for every layout].",
+        ),
+    ] = None,
     json_file: JsonFile = None,
     overrides: Overrides = None,
 ) -> None:
@@ -46,9 +55,13 @@ def bound_command(
 
     names = [*STRONGEST, *(name for name in policy or [] if name not in STRONGEST)]
     loaded = with_layout_of_runs(load_scenario(scenario, overrides or []), names, transfer=False)
+    if seed is not None:
+        loaded = pin_layout(loaded, seed)
     episodes = RANDOM_EPISODES if isinstance(loaded.nodes, RandomNodes) else 1
     reached = {
-        name: evaluate_named(loaded, name, episodes, 0, transfer=False).metrics["mean_aoi"].mean
+        name: evaluate_named(loaded, name, episodes, seed or 0, transfer=False)
+        .metrics["mean_aoi"]
+        .mean
         for name in names
     }
     found = bound(loaded, min(reached.values()), seconds)
@@ -62,12 +75,12 @@ def bound_command(
     if json_file is not None and str(json_file) == "-":
         typer.echo(text)
         return
-    _print(found, reached, episodes)
+    _print(found, reached, episodes, seed or 0)
     if json_file is not None:
         write_text(json_file, text)
 
 
-def _print(found: Bound, reached: dict[str, float], episodes: int) -> None:
+def _print(found: Bound, reached: dict[str, float], episodes: int, seed: int) -> None:
     typer.echo(f"{found.scenario} ({found.scenario_hash}): mean AoI in slots; {found.validity}")
     table = Table()
     table.add_column("")
@@ -86,5 +99,5 @@ def _print(found: Bound, reached: dict[str, float], episodes: int) -> None:
     Console(highlight=False).print(table)
     typer.echo(
         "The higher bound is verified in whole numbers. "
-        f"Episodes of each policy: {episodes}, the first of seed 0."
+        f"Episodes of each policy: {episodes}, the first of seed {seed}."
     )

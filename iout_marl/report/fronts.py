@@ -47,7 +47,9 @@ def pareto_front(points: Iterable[Point]) -> list[Point]:
 
 
 def front_section(results: Results) -> Section:
-    """A figure and a table for each world of the study in which runs differ."""
+    """A figure and a table for each world; nothing where the study does not ask for them."""
+    if not results.front:
+        return Section("front", "")
     worlds: dict[str, list[tuple[str, Record]]] = {}
     for cell in results.cells:
         if cell.record.policy != BOUND:

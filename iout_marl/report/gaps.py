@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -51,10 +52,15 @@ class Spread:
         """Of one value or more."""
         return cls(float(np.median(values)), min(values), max(values))
 
+    @property
+    def is_range(self) -> bool:
+        """Whether there is more than one value."""
+        return self.least < self.largest
+
     def text(self) -> str:
         """As percent, the range only where there is one."""
         median = f"{_digits(self.median)}{NO_BREAK}%"
-        if self.least == self.largest:
+        if not self.is_range:
             return median
         return f"{median} ({_digits(self.least)} to {_digits(self.largest)})"
 
@@ -161,8 +167,8 @@ def _figure(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Pl
                 name,
                 tuple(gaps.place for gaps in own),
                 tuple(max(s.median, LEAST_DRAWN) for s in spreads),
-                tuple(max(s.least, LEAST_DRAWN) for s in spreads),
-                tuple(max(s.largest, LEAST_DRAWN) for s in spreads),
+                tuple(max(s.least, LEAST_DRAWN) if s.is_range else math.nan for s in spreads),
+                tuple(max(s.largest, LEAST_DRAWN) if s.is_range else math.nan for s in spreads),
                 colour=colour,
             )
         )

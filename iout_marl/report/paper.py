@@ -7,6 +7,7 @@ from typing import get_args
 
 from iout_marl.report.claims import answers
 from iout_marl.report.content import Answers, Plot, Report, Section, Verdict
+from iout_marl.report.gaps import gap_section
 from iout_marl.report.link_figures import beta_star_figure, energies_figure, energy_table
 from iout_marl.report.names import BASELINES, BEST, BEST_FDD, BEST_TDD, FDD, TDD, in_fdd
 from iout_marl.report.paper_tables import (
@@ -45,6 +46,7 @@ def paper_report(results: Results) -> Report:
         Section("answers", "The paper's claims, one by one", items=(claims,)),
         _link(results),
         _performance(results),
+        gap_section(results),
         _learning(results),
         _paths(results),
         _cost(results),

@@ -52,9 +52,7 @@ def plain_report(results: Results) -> Report:
             metrics_table(results, "metrics", "All series", results.series),
         ),
     )
-    sections = [overview, gap_section(results)]
-    if results.front:
-        sections.append(front_section(results))
+    sections = [gap_section(results), front_section(results), overview]
     sections += [learning_section(results, results.series), cells_section(results)]
     return Report(
         title=results.title,

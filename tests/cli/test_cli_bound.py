@@ -6,6 +6,7 @@ import pytest
 
 from iout_marl import evaluate, load_scenario
 from iout_marl.bounds import delivery_bound
+from iout_marl.world import pin_layout
 
 SHORT = ["--set", "episode.duration_s=150"]
 
@@ -44,6 +45,15 @@ def test_json_to_a_file_goes_beside_the_table(iout, tmp_path):
     assert record["energy_and_travel"] is None
     assert record["certificate"]["kind"] == "scheduling"
     assert record["best"] == record["scheduling"]
+
+
+def test_the_layout_of_a_run_is_bounded_by_its_seed(iout):
+    words = ("bound", "random/k3-fdd", *SHORT, "--seconds", 1, "--json", "-", "--seed")
+    found = [json.loads(iout(*words, seed)[1]) for seed in (4, 4, 5)]
+    assert found[0]["certificate"] == found[1]["certificate"] != found[2]["certificate"]
+    layout = pin_layout(load_scenario("random/k3-fdd", {"episode.duration_s": 150}), 4)
+    assert found[0]["certificate"]["world_hash"] == layout.world_hash
+    assert found[0]["energy_and_travel"] <= found[0]["policies"]["planner"]["mean_aoi"]
 
 
 @pytest.mark.parametrize(

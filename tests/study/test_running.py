@@ -4,14 +4,16 @@ import json
 
 import pytest
 from rich.console import Console
-from tiny_study import DeadlyProcesses, SameProcess, write_study
+from tiny_study import SETTINGS, DeadlyProcesses, SameProcess, write_study
 
 from iout_marl import InputError, evaluate
+from iout_marl.bounds import Certificate, verified_age_sum
 from iout_marl.episode import Episode
 from iout_marl.study import Results, expand, load_study, run_study
 from iout_marl.study.pools import LocalProcesses
 from iout_marl.study.results import Measured, read_results
 from iout_marl.study.run import StudyFolder
+from iout_marl.world import pin_layout
 from trainers import RunFolder
 
 QUIET = Console(quiet=True)
@@ -84,6 +86,51 @@ def test_a_trained_cell_keeps_its_run_its_curve_and_an_episode(run, study, tmp_p
     assert len(episode.delivered) == 20
     ages = [sum(slot) / len(slot) for slot in episode.ages]
     assert sum(ages) / 20 == pytest.approx(record.mean("mean_aoi"), rel=1e-6)
+
+
+@pytest.fixture
+def searched(tmp_path):
+    """A study of bounds beside what they bound, in two layouts."""
+    settings = {**SETTINGS, "nodes": {"kind": "random", "count": 2, "redraw": "run"}}
+    del settings["nodes.cells"]
+    group = {
+        "scenarios": ["paper/k3-fdd"],
+        "policies": ["greedy", "planner", "bound"],
+        "seeds": [0, 1],
+        "episodes": 2,
+        "planner_rounds": 1,
+        "bound_seconds": 1,
+        "settings": settings,
+    }
+    quick = {"planner_rounds": 0, "bound_seconds": 0.5}
+    return load_study(write_study(tmp_path / "s.yaml", groups={"searched": group}, quick=quick))
+
+
+def test_bounds_stand_beside_what_they_bound(run, searched, tmp_path):
+    cells = expand(*searched)
+    results = run(cells=cells)
+    read_results(tmp_path / "out" / "results.json")
+    records = {(c.record.policy, c.record.seed): c.record for c in results.cells}
+    for seed in (0, 1):
+        bound, planner, greedy = (records[name, seed] for name in ("bound", "planner", "greedy"))
+        assert bound.world_hash == planner.world_hash == greedy.world_hash
+        assert set(bound.samples) == {"mean_aoi"}
+        assert bound.mean("mean_aoi") <= planner.mean("mean_aoi") <= greedy.mean("mean_aoi")
+        layout = pin_layout(cells[0].scenario, seed)
+        saved = json.loads((tmp_path / "out" / "runs" / bound.key / "bound.json").read_text())
+        assert saved["best"] == pytest.approx(bound.mean("mean_aoi"), rel=1e-6)
+        certificate = Certificate.from_json(saved["certificate"])
+        assert verified_age_sum(layout, certificate) == pytest.approx(saved["best"] * 2 * 20)
+    assert records["bound", 0].world_hash != records["bound", 1].world_hash
+    assert results.measured("bound", 2, "jain") is None
+    assert ",bound,0,1," in results.to_csv()
+
+
+def test_how_long_a_search_takes_is_part_of_its_cell_alone(searched):
+    usual, quick = expand(*searched), expand(*searched, quick=True)
+    assert [cell.effort for cell in usual[::2]] == [None, 1, 1]
+    assert [cell.effort for cell in quick[::2]] == [None, 0, 0.5]
+    assert [a.key == b.key for a, b in zip(usual, quick, strict=True)] == [True, True, *[False] * 4]
 
 
 def test_a_stopped_study_goes_on_from_its_last_finished_cell(run):
