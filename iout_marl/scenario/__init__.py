@@ -2,17 +2,16 @@
 
 from iout_marl.scenario.layers import show_file
 from iout_marl.scenario.loading import load_scenario, to_yaml
-from iout_marl.scenario.schema import (
+from iout_marl.scenario.schema import Scenario, Training
+from iout_marl.scenario.sections import (
     Fdd,
     FixedNodes,
     MeanAgeReward,
     PaperChannel,
     PaperReward,
     RandomNodes,
-    Scenario,
     SonarChannel,
     Tdd,
-    Training,
 )
 from iout_marl.scenario.sources import bundled_names, bundled_root, find_scenario
 

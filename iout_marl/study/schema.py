@@ -10,9 +10,9 @@ from pydantic import Field, model_validator
 from iout_marl.bounds import USUAL_SECONDS
 from iout_marl.errors import did_you_mean
 from iout_marl.policies import UNTRAINED
+from iout_marl.scenario.fields import Count, NonNegative, Section, invalid
 from iout_marl.scenario.layers import Layer, read_file
 from iout_marl.scenario.loading import validate
-from iout_marl.scenario.schema import Count, NonNegative, Section, invalid
 from iout_marl.scenario.sources import find_study
 
 #: The policy that is trained, by the scenario's `training` section.

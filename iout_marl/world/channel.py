@@ -5,7 +5,7 @@ from __future__ import annotations
 from iout_marl import physics
 from iout_marl.physics.arrays import Array, ArrayLike
 from iout_marl.scenario import Fdd, PaperChannel, Scenario
-from iout_marl.scenario.schema import Absorption
+from iout_marl.scenario.sections import Absorption
 
 
 def absorption_db_per_km(absorption: Absorption, frequency_khz: ArrayLike) -> Array:
