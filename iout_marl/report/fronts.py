@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from iout_marl.report.content import Line, Plot, Section, Table
 from iout_marl.report.measures import METRIC_DIGITS
+from iout_marl.report.palette import GREY
 from iout_marl.report.study_figures import HEADINGS, protocol
 from iout_marl.study.results import Record, Results
 from iout_marl.study.schema import BOUND
@@ -109,9 +110,10 @@ def _figure(results: Results, key: str, world: str, points: Sequence[Point]) -> 
             tuple(point.jain for point in points if point.series == name),
             tuple(point.mean_aoi for point in points if point.series == name),
             joined=False,
-            colour=colour,
+            # Grey is the front's.
+            colour=number + (number >= GREY),
         )
-        for colour, name in enumerate(names)
+        for number, name in enumerate(names)
     ]
     lines.append(
         Line(
@@ -119,7 +121,7 @@ def _figure(results: Results, key: str, world: str, points: Sequence[Point]) -> 
             tuple(point.jain for point in front),
             tuple(point.mean_aoi for point in front),
             dashed=True,
-            colour=len(names),
+            colour=GREY,
         )
     )
     return Plot(

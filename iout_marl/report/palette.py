@@ -18,11 +18,13 @@ COLOURS = (
     "#7a7f87",
     "#8f8500",
 )
+#: The one of them that is no hue.
+GREY = 6
 #: From the first slot to the last: their order shows by hue, and no end fades into a page.
 SLOTS = ("#7257cf", "#2f7fc4", "#1c9c83", "#62a52a", "#a89f06")
 #: As in the pictures of an environment: orange is energy, blue is data.
 CHARGED, HEARD, FAILED = COLOURS[1], COLOURS[0], COLOURS[3]
-NODE = COLOURS[6]
+NODE = COLOURS[GREY]
 
 #: Marks by index: what matplotlib calls them, and what Plotly does. Their number shares no
 #: factor with that of the colours, so that lines beyond the last colour differ by the mark.
