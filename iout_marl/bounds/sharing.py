@@ -21,7 +21,11 @@ from iout_marl.bounds.field import Field
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+#: (cells, levels, entries): of every age up to the oldest, and of a node without any delivery.
+Values = npt.NDArray[np.float32]
 
+#: Entries of 4 bytes that are worked on at once.
+BLOCK_ENTRIES = 2**16
 #: Ages from so many times the number of nodes on count as that.
 OLDEST_PER_NODE = 6
 #: Values that are kept, of 4 bytes each.
@@ -84,41 +88,71 @@ class Programme:
         # Ages 1 … oldest, and a last entry for nodes that have not delivered so far.
         shape = (self._num_cells, self._num_levels, self.oldest + 1)
         self._value = np.zeros((scenario.num_slots + 1, *shape), dtype=np.float32)
-        self._next = np.empty(shape, dtype=np.float32)
-        self._named = np.empty((self._num_cells * self._num_levels, shape[2]), dtype=np.float32)
+        # Cells are taken in blocks that fit into a processor's cache.
+        cells = max(1, BLOCK_ENTRIES // (shape[1] * shape[2]))
+        self._blocks = [slice(i, i + cells) for i in range(0, shape[0], cells)]
+        self._row = (np.arange(shape[0]) % cells)[:, None] * (shape[1] + 1)
+        self._after_move = np.empty(shape, dtype=np.float32)
+        self._kept = np.empty((cells, *shape[1:]), dtype=np.float32)
+        # One more level, which stands for what can not be.
+        self._named = np.empty((cells, shape[1] + 1, shape[2]), dtype=np.float32)
 
     def wish(self, node: int, naming: Floats, presence: Floats) -> Wish:
         """The best for a node at prices of (slots,) and (slots, cells)."""
-        charge, deliver = (
-            table[node] + np.arange(self._num_cells)[:, None] * (self._num_levels + 1)
-            for table in self._field.tables[:2]
-        )
-        values, payments = self._value, presence.astype(np.float32)
+        charge, deliver = (table[node] + self._row for table in self._field.tables[:2])
+        payments = presence.astype(np.float32)
         for slot in range(len(naming) - 1, -1, -1):
-            kept = self._kept(values[slot + 1], slot)
-            named = self._named.reshape(kept.shape)
-            padded = np.concatenate([kept, np.full_like(kept[:, :1], IMPOSSIBLE)], axis=1).reshape(
-                -1, kept.shape[2]
-            )
-            np.take(padded, charge.ravel(), axis=0, out=self._named, mode="clip")
-            served = np.concatenate(
-                [values[slot + 1][:, :, 0] + 1, np.full((self._num_cells, 1), IMPOSSIBLE)], axis=1
-            )
-            np.minimum(named, served.ravel()[deliver][:, :, None], out=named)
-            named += np.float32(naming[slot])
-            np.minimum(named, kept, out=named)
-            named += payments[slot][:, None, None]
-            values[slot] = _least_of_neighbours(named, self._field.next_cells)
+            for block in self._blocks:
+                self._after_move[block] = self._best(
+                    self._value[slot + 1, block],
+                    slot,
+                    np.float32(naming[slot]),
+                    payments[slot, block, None],
+                    charge[block],
+                    deliver[block],
+                )
+            for block in self._blocks:
+                self._least_of_neighbours(self._field.next_cells[block], self._value[slot, block])
         return self._trace(node, naming, presence)
 
-    def _kept(self, value: npt.NDArray[np.float32], slot: int) -> npt.NDArray[np.float32]:
-        """Value after a slot without delivery, this slot's age included."""
+    def _best(
+        self,
+        after: Values,
+        slot: int,
+        price: np.float32,
+        payment: Values,
+        charge: Integers,
+        deliver: Integers,
+    ) -> Values:
+        """Value once the AUV has moved: the best of leaving, charging and hearing the node.
+
+        Args:
+            after: (cells, levels, entries) value after the slot.
+            slot: the slot.
+            price: of being named.
+            payment: (cells, 1) for the AUV's presence.
+            charge, deliver: (cells, levels) the rows of cell and level that they lead to.
+        """
         ages, first = self._ages(slot)
-        kept = self._next
-        np.add(value[:, :, 1:-1], ages[1:], out=kept[:, :, :-2])
-        np.add(value[:, :, -2], ages[-1], out=kept[:, :, -2])
-        np.add(value[:, :, -1], first, out=kept[:, :, -1])
-        return kept
+        kept, named = self._kept[: len(after)], self._named[: len(after)]
+        np.add(after[:, :, 1:-1], ages[1:] + payment[..., None], out=kept[:, :, :-2])
+        np.add(after[:, :, -2], ages[-1] + payment, out=kept[:, :, -2])
+        np.add(after[:, :, -1], first + payment, out=kept[:, :, -1])
+        np.add(kept, price, out=named[:, :-1])
+        named[:, -1] = IMPOSSIBLE
+        served = np.full(named.shape[:2], IMPOSSIBLE)
+        served[:, :-1] = after[:, :, 0] + (1 + price + payment)
+        best = named.reshape(-1, named.shape[2]).take(charge, axis=0, mode="clip")
+        np.minimum(best, kept, out=best)
+        return np.minimum(best, served.take(deliver)[:, :, None], out=best)
+
+    def _least_of_neighbours(self, next_cells: Integers, least: Values) -> None:
+        """The least, for every cell, over those that it leads to."""
+        other = self._kept[: len(least)]
+        for direction, cells in enumerate(next_cells.T):
+            out = other if direction else least
+            np.take(self._after_move, cells, axis=0, out=out, mode="clip")
+            np.minimum(least, out, out=least)
 
     def _ages(self, slot: int) -> tuple[npt.NDArray[np.float32], np.float32]:
         """Ages 1 … oldest, and that, after the slot, of a node which has not delivered."""
@@ -161,13 +195,3 @@ def fits(field: Field) -> bool:
     """Whether the programme fits into memory."""
     states = len(field.next_cells) * field.num_levels * (oldest_age(field) + 1)
     return states * (field.scenario.num_slots + 1) <= MOST_STATES
-
-
-def _least_of_neighbours(
-    value: npt.NDArray[np.float32], next_cells: Integers
-) -> npt.NDArray[np.float32]:
-    """The least, for every cell, over those that it leads to."""
-    least = value[next_cells[:, 0]]
-    for cells in next_cells.T[1:]:
-        np.minimum(least, value[cells], out=least)
-    return least
