@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linprog
 
+from iout_marl.bounds.energy import ROUGH
 from iout_marl.bounds.field import Field
-from iout_marl.bounds.sharing import Prices, Programme
+from iout_marl.bounds.sharing import Prices, Programme, oldest_age
 
 Floats = npt.NDArray[np.float64]
 
@@ -26,31 +27,61 @@ REACH_CELLS = 3.0
 FIRST_BOX, GROWTH, SHRINKAGE, SMALLEST_BOX = 1.0, 1.5, 0.7, 0.01
 #: Planes that are kept, of each node.
 PLANES = 80
+#: Where there is no time for so many answers, this share of it is for a rougher game, in which
+#: ages from so many times the number of nodes on count as that.
+FEW_ANSWERS, ROUGH_SHARE, ROUGH_OLDEST_PER_NODE = 30, 0.5, 3
 
 
 def climb(field: Field, seconds: float) -> tuple[float, Prices]:
     """The highest sharing bound found, as a sum of ages, and its prices.
+
+    Where the nodes' answers take long, a game of fewer levels and ages shows the way first.
 
     Args:
         field: the game, of a TDD scenario.
         seconds: time to spend, about; the nodes are asked once at least.
     """
     deadline = time.monotonic() + seconds
-    dual = _Dual(field)
-    point = best_point = dual.first()
-    best, box = -np.inf, FIRST_BOX
-    planes: list[tuple[Floats, Floats]] = []
+    dual = _Dual(field, oldest_age(field))
+    start = time.monotonic()
+    first = dual.first()
+    planes = [dual.planes(first)]
+    answer_s = time.monotonic() - start
+    box = FIRST_BOX
+    if answer_s * FEW_ANSWERS > seconds:
+        rough = Field.of(field.scenario, ROUGH)
+        way = _Dual(rough, oldest_age(rough, ROUGH_OLDEST_PER_NODE))
+        until = time.monotonic() + ROUGH_SHARE * (deadline - time.monotonic())
+        _, first, box = _climb(way, first, box, [way.planes(first)], until)
+        planes = [dual.planes(first)]
+    age_sum, point, _ = _climb(dual, first, box, planes, deadline)
+    return age_sum, dual.prices(point)
+
+
+def _climb(
+    dual: _Dual, point: Floats, box: float, planes: list[tuple[Floats, Floats]], deadline: float
+) -> tuple[float, Floats, float]:
+    """The highest value found, where it is, and the edge of the box by then.
+
+    Args:
+        dual: what to climb.
+        point: where to begin.
+        box: half the edge of the first box.
+        planes: the nodes' answers at that point.
+        deadline: when to end.
+    """
+    best, best_point = -np.inf, point
     while True:
-        slopes, offsets = dual.planes(point)
-        planes = [*planes, (slopes, offsets)][-PLANES:]
+        slopes, offsets = planes[-1]
         value = float((slopes @ point + offsets).sum() - dual.paid_back @ point)
         if value > best:
             best, best_point, box = value, point, box * GROWTH
         else:
             box *= SHRINKAGE
         if time.monotonic() > deadline or box < SMALLEST_BOX:
-            return best, dual.prices(best_point)
+            return best, best_point, box
         point = _best_within(planes, dual, best_point, box)
+        planes = [*planes, dual.planes(point)][-PLANES:]
 
 
 def _best_within(
@@ -75,16 +106,21 @@ def _best_within(
 
 
 class _Dual:
-    """The nodes' answers to prices, as points: naming first, then presence."""
+    """The nodes' answers to prices, as points: naming first, then presence.
 
-    def __init__(self, field: Field) -> None:
+    Args:
+        field: the game.
+        oldest: age from which on none are told apart.
+    """
+
+    def __init__(self, field: Field, oldest: int) -> None:
         scenario = field.scenario
         self.num_nodes = scenario.num_nodes
         last = scenario.num_slots - 1
         self._slots = (*(slot for slot in TIMES if slot < last), last)
         self.num_times = len(self._slots)
         self._reach_m = REACH_CELLS * scenario.grid.spacing_m
-        self._programme = Programme(field)
+        self._programme = Programme(field, oldest)
         prices = self.prices(self.first())
         self._between, self._nearness = prices.between(), prices.nearness(field.distance_m)
         self.paid_back = np.zeros(self.first().shape)

@@ -36,6 +36,8 @@ class Ladder(NamedTuple):
 COARSE = Ladder(step=0.024, num_steps=15, wider_by=1.12, top=1.8)
 #: Many, for bounds that take the nodes one by one.
 FINE = Ladder(step=0.012, num_steps=30, wider_by=1.08, top=3.0)
+#: The fewest, to find one's way.
+ROUGH = Ladder(step=0.05, num_steps=7, wider_by=1.25, top=1.8)
 #: No level or affordable uplink comes near to this many joules.
 BEYOND_J = 1e100
 #: Error allowed per slot for the world's floating-point sums, as a share of the energies.

@@ -77,16 +77,17 @@ class Programme:
 
     Args:
         field: the game, of a TDD scenario.
+        oldest: age from which on none are told apart.
     """
 
-    def __init__(self, field: Field) -> None:
+    def __init__(self, field: Field, oldest: int) -> None:
         assert field.tables.both is None
         self._field = field
         scenario = field.scenario
-        self.oldest = oldest_age(field)
+        self._oldest = oldest
         self._num_cells, self._num_levels = len(field.next_cells), field.num_levels
         # Ages 1 … oldest, and a last entry for nodes that have not delivered so far.
-        shape = (self._num_cells, self._num_levels, self.oldest + 1)
+        shape = (self._num_cells, self._num_levels, self._oldest + 1)
         self._value = np.zeros((scenario.num_slots + 1, *shape), dtype=np.float32)
         # Cells are taken in blocks that fit into a processor's cache.
         cells = max(1, BLOCK_ENTRIES // (shape[1] * shape[2]))
@@ -157,20 +158,20 @@ class Programme:
     def _ages(self, slot: int) -> tuple[npt.NDArray[np.float32], np.float32]:
         """Ages 1 … oldest, and that, after the slot, of a node which has not delivered."""
         age = self._field.scenario.age
-        ages = np.minimum(np.arange(1, self.oldest + 1), age.maximum).astype(np.float32)
+        ages = np.minimum(np.arange(1, self._oldest + 1), age.maximum).astype(np.float32)
         return ages, np.float32(min(age.initial + slot + 1, age.maximum))
 
     def _trace(self, node: int, naming: Floats, presence: Floats) -> Wish:
         """Follow the best choices from the start."""
         charge, deliver = (table[node] for table in self._field.tables[:2])
-        cell, level, entry = self._field.start, 0, self.oldest
+        cell, level, entry = self._field.start, 0, self._oldest
         path, named = np.zeros((2, len(naming)), dtype=np.int64)
         total = float(self._value[0, cell, level, entry])
         for slot, price in enumerate(naming):
             value = self._value[slot + 1]
             ages, first = self._ages(slot)
-            older = entry if entry == self.oldest else min(entry + 1, self.oldest - 1)
-            age = first if entry == self.oldest else ages[older]
+            older = entry if entry == self._oldest else min(entry + 1, self._oldest - 1)
+            age = first if entry == self._oldest else ages[older]
             choices = []
             for to in self._field.next_cells[cell]:
                 pays = presence[slot, to]
@@ -185,10 +186,10 @@ class Programme:
         return Wish(total, path, named)
 
 
-def oldest_age(field: Field) -> int:
+def oldest_age(field: Field, per_node: int = OLDEST_PER_NODE) -> int:
     """Up to which age nodes are told apart."""
     scenario = field.scenario
-    return max(2, min(OLDEST_PER_NODE * scenario.num_nodes, scenario.age.maximum))
+    return max(2, min(per_node * scenario.num_nodes, scenario.age.maximum))
 
 
 def fits(field: Field) -> bool:

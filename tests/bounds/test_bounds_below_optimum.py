@@ -97,6 +97,8 @@ def test_the_sharing_bound_stays_below_it_at_any_prices(case, seed, optimum):
     scenario, least = world(case, seed), optimum(case, seed)
     field = Field.of(scenario, FINE)
     levels_j = tuple(field.levels_j[:-1].tolist())
+    # Without any time the rough game comes first.
+    assert climb(field, seconds=0)[0] <= least + 0.01
     value, prices = climb(field, seconds=0.5)
     assert value <= least + 0.01
     game = finite_game(scenario, levels_j)
