@@ -44,7 +44,8 @@ def bound_command(
         typer.Option(
             min=0,
             help="Seeds the policies' episodes, and where nodes are drawn once for a run, draws "
-            "them as a run of this seed does [0, the bound being for every layout].",
+            "them as a run of this seed does [0, the bound being for every layout]. A run that is "
+            "named as a policy has a layout of its own, which goes before.",
         ),
     ] = None,
     json_file: JsonFile = None,

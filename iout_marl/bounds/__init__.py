@@ -3,7 +3,7 @@
 The derivations stand in `docs/bounds.md`.
 """
 
-from iout_marl.bounds.bound import USUAL_SECONDS, Bound, bound
+from iout_marl.bounds.bound import USUAL_SECONDS, Bound, bound, gap_percent
 from iout_marl.bounds.certificate import Certificate, verified_age_sum
 from iout_marl.bounds.scheduling import delivery_bound, least_age_sum
 
@@ -13,6 +13,7 @@ __all__ = [
     "Certificate",
     "bound",
     "delivery_bound",
+    "gap_percent",
     "least_age_sum",
     "verified_age_sum",
 ]

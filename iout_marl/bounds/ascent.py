@@ -39,40 +39,43 @@ def climb(field: Field, seconds: float) -> tuple[float, Prices]:
 
     Args:
         field: the game, of a TDD scenario.
-        seconds: time to spend, about; the nodes are asked once at least.
+        seconds: time to spend, about; the nodes are asked once at least, which takes some seconds
+            where there are ten.
     """
-    deadline = time.monotonic() + seconds
+    begun = time.monotonic()
+    point, box = _way_shown(field, seconds)
     dual = _Dual(field, oldest_age(field))
-    start = time.monotonic()
-    first = dual.first()
-    planes = [dual.planes(first)]
-    answer_s = time.monotonic() - start
-    box = FIRST_BOX
-    if answer_s * FEW_ANSWERS > seconds:
-        rough = Field.of(field.scenario, ROUGH)
-        way = _Dual(rough, oldest_age(rough, ROUGH_OLDEST_PER_NODE))
-        until = time.monotonic() + ROUGH_SHARE * (deadline - time.monotonic())
-        _, first, box = _climb(way, first, box, [way.planes(first)], until)
-        planes = [dual.planes(first)]
-    age_sum, point, _ = _climb(dual, first, box, planes, deadline)
+    age_sum, point, _ = _climb(dual, point, box, begun + seconds)
     return age_sum, dual.prices(point)
 
 
-def _climb(
-    dual: _Dual, point: Floats, box: float, planes: list[tuple[Floats, Floats]], deadline: float
-) -> tuple[float, Floats, float]:
-    """The highest value found, where it is, and the edge of the box by then.
+def _way_shown(field: Field, seconds: float) -> tuple[Floats, float]:
+    """Where to begin, and half the edge of the first box."""
+    rough = Field.of(field.scenario, ROUGH)
+    dual = _Dual(rough, oldest_age(rough, ROUGH_OLDEST_PER_NODE))
+    begun = time.monotonic()
+    dual.planes(dual.first())
+    answer_s = time.monotonic() - begun
+    times_as_long = field.num_levels * oldest_age(field) / (rough.num_levels * dual.oldest)
+    if answer_s * times_as_long * FEW_ANSWERS < seconds:
+        return dual.first(), FIRST_BOX
+    return _climb(dual, dual.first(), FIRST_BOX, begun + ROUGH_SHARE * seconds)[1:]
+
+
+def _climb(dual: _Dual, point: Floats, box: float, deadline: float) -> tuple[float, Floats, float]:
+    """The highest value found, where it is, and half the edge of the box by then.
 
     Args:
-        dual: what to climb.
+        dual: what to climb; its nodes are asked once at least.
         point: where to begin.
         box: half the edge of the first box.
-        planes: the nodes' answers at that point.
         deadline: when to end.
     """
     best, best_point = -np.inf, point
+    planes: list[tuple[Floats, Floats]] = []
     while True:
-        slopes, offsets = planes[-1]
+        slopes, offsets = dual.planes(point)
+        planes = [*planes, (slopes, offsets)][-PLANES:]
         value = float((slopes @ point + offsets).sum() - dual.paid_back @ point)
         if value > best:
             best, best_point, box = value, point, box * GROWTH
@@ -81,7 +84,6 @@ def _climb(
         if time.monotonic() > deadline or box < SMALLEST_BOX:
             return best, best_point, box
         point = _best_within(planes, dual, best_point, box)
-        planes = [*planes, dual.planes(point)][-PLANES:]
 
 
 def _best_within(
@@ -120,6 +122,7 @@ class _Dual:
         self._slots = (*(slot for slot in TIMES if slot < last), last)
         self.num_times = len(self._slots)
         self._reach_m = REACH_CELLS * scenario.grid.spacing_m
+        self.oldest = oldest
         self._programme = Programme(field, oldest)
         prices = self.prices(self.first())
         self._between, self._nearness = prices.between(), prices.nearness(field.distance_m)

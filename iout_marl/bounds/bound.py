@@ -49,7 +49,7 @@ class Bound:
 
     def gap_percent(self, mean_aoi: float) -> float:
         """How far a mean AoI lies above the best bound, in percent of the bound."""
-        return 100 * (mean_aoi / self.best - 1)
+        return gap_percent(mean_aoi, self.best)
 
     def to_json(self) -> dict[str, Any]:
         """The bounds as JSON has them."""
@@ -62,6 +62,11 @@ class Bound:
             "validity": self.validity,
             "certificate": self.certificate.to_json(),
         }
+
+
+def gap_percent(mean_aoi: float, of: float) -> float:
+    """How far a mean AoI lies above another or a bound, in percent of that."""
+    return 100 * (mean_aoi / of - 1)
 
 
 def bound(

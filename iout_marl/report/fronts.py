@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from iout_marl.report.content import Line, Plot, Section, Table
 from iout_marl.report.measures import METRIC_DIGITS
-from iout_marl.report.palette import GREY
+from iout_marl.report.palette import COLOURS, GREY
 from iout_marl.report.study_figures import HEADINGS, protocol
 from iout_marl.study.results import Record, Results
-from iout_marl.study.schema import BOUND
 
 #: From this Jain's index on, to the digits of tables, P1 is as good as met.
 FAIR = 0.9995
@@ -53,15 +53,18 @@ def front_section(results: Results) -> Section:
         return Section("front", "")
     worlds: dict[str, list[tuple[str, Record]]] = {}
     for cell in results.cells:
-        if cell.record.policy != BOUND:
+        if not cell.record.is_bound:
             worlds.setdefault(cell.record.world_hash, []).append((cell.series, cell.record))
+    names = Counter(records[0][1].scenario for records in worlds.values())
     items: list[Plot | Table] = []
     told = []
-    for number, records in enumerate(worlds.values(), start=1):
+    for number, (world, records) in enumerate(worlds.items(), start=1):
         points = [
             Point(series, r.seed, r.mean("jain"), r.mean("mean_aoi")) for series, r in records
         ]
         name = records[0][1].scenario
+        if names[name] > 1:
+            name = f"{name}, world {world}"
         items += [
             _figure(results, f"front-{number}", name, points),
             _table(results, f"front-table-{number}", name, points),
@@ -79,12 +82,9 @@ def _degeneracy(world: str, points: Sequence[Point]) -> str:
     """What P1 prefers there, beside what is fresh."""
     freshest = min(points, key=lambda p: p.mean_aoi)
     best = min(points, key=lambda p: p.objective)
-    text = (
-        f"{world}: of all runs P1 prefers {_told(best)}; the freshest is {_told(freshest)}, "
-        f"for P1 {freshest.objective / best.objective:,.0f} times as bad."
-        if best.objective > 0
-        else f"{world}: P1 prefers {_told(best)}; the freshest is {_told(freshest)}."
-    )
+    if best == freshest:
+        return f"{world}: P1 prefers what is freshest, {_told(best)}."
+    text = f"{world}: P1 prefers {_told(best)}; the freshest is {_told(freshest)}."
     fair = [p.mean_aoi for p in points if p.jain >= FAIR]
     if len(fair) > 1:
         text += (
@@ -104,14 +104,14 @@ def _told(point: Point) -> str:
 def _figure(results: Results, key: str, world: str, points: Sequence[Point]) -> Plot:
     names = list(dict.fromkeys(point.series for point in points))
     front = pareto_front(points)
+    hues = [colour for colour in range(len(COLOURS)) if colour != GREY]  # which is the front's
     lines = [
         Line(
             name,
             tuple(point.jain for point in points if point.series == name),
             tuple(point.mean_aoi for point in points if point.series == name),
             joined=False,
-            # Grey is the front's.
-            colour=number + (number >= GREY),
+            colour=hues[number % len(hues)],
         )
         for number, name in enumerate(names)
     ]
@@ -128,7 +128,7 @@ def _figure(results: Results, key: str, world: str, points: Sequence[Point]) -> 
         key=key,
         title=f"Mean AoI against fairness: {world}",
         caption=f"A point is a run; of those on the line none is better in both. "
-        f"{protocol(results, names)}",
+        f"{protocol(results, names, intervals=False)}",
         command=results.command,
         x_label=HEADINGS["jain"],
         y_label=HEADINGS["mean_aoi"],

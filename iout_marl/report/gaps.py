@@ -8,35 +8,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from iout_marl.bounds import gap_percent
 from iout_marl.report.content import Line, Plot, Section, Table
-from iout_marl.report.measures import NO_BREAK, metric, place_text
+from iout_marl.report.measures import NO_BREAK, metric, place_text, rounded_down
 from iout_marl.report.study_figures import protocol
-from iout_marl.study.results import Record, Results
-from iout_marl.study.schema import BOUND
+from iout_marl.study.results import Measured, Results, measured_of
 
 #: Gaps are drawn on a logarithmic axis; smaller ones are drawn as this, in percent.
 LEAST_DRAWN = 0.1
+#: Gaps in percent that differ by less are the same: means come from sums of rounded numbers.
+ALIKE = 1e-3
 
 WHAT_IT_IS = (
     "A bound is certified: no policy whatsoever has a lower mean AoI in that world. The optimum "
     "lies between it and the best known, the lowest mean AoI that any policy of this study "
-    "reaches there."
+    "reaches there. (Where nodes lie elsewhere in every episode, bound and policies are those of "
+    "such worlds on average.)"
 )
-
-
-@dataclass(frozen=True)
-class World:
-    """What is known of a world.
-
-    Attributes:
-        bound: no policy's mean AoI is below it, in slots.
-        best_known: the lowest mean AoI that any series of the study reaches.
-        by: that series.
-    """
-
-    bound: float
-    best_known: float
-    by: str
 
 
 @dataclass(frozen=True)
@@ -55,7 +43,7 @@ class Spread:
     @property
     def is_range(self) -> bool:
         """Whether there is more than one value."""
-        return self.least < self.largest
+        return self.largest - self.least > ALIKE
 
     def text(self) -> str:
         """As percent, the range only where there is one."""
@@ -67,70 +55,85 @@ class Spread:
 
 @dataclass(frozen=True)
 class Gaps:
-    """The gaps of a series at one place, in percent."""
+    """The gaps of a series at one place.
+
+    Attributes:
+        series, place: whose they are.
+        runs: how many of its runs are in worlds with a bound.
+        mean_aoi: theirs, in slots.
+        bound, best_known: of these worlds, on average, in slots.
+        above_bound, above_best_known: of each run in its own world, in percent.
+    """
 
     series: str
     place: float
+    runs: int
+    mean_aoi: Measured
+    bound: float
+    best_known: float
     above_bound: Spread
     above_best_known: Spread
 
+    @property
+    def is_best_known(self) -> bool:
+        """Whether one of the runs is the best that is known."""
+        return self.above_best_known.least < ALIKE
 
-def known_worlds(results: Results) -> dict[str, World]:
-    """The worlds that have a bound and a policy, by their hashes."""
-    bounds: dict[str, float] = {}
-    reached: dict[str, tuple[float, str]] = {}
+
+def best_known(results: Results) -> dict[str, float]:
+    """The lowest mean AoI that any policy reaches in each world, by the worlds' hashes."""
+    reached: dict[str, float] = {}
     for cell in results.cells:
-        world, mean_aoi = cell.record.world_hash, cell.record.mean("mean_aoi")
-        if cell.record.policy == BOUND:
-            bounds[world] = max(mean_aoi, bounds.get(world, 0.0))
-        elif world not in reached or mean_aoi < reached[world][0]:
-            reached[world] = mean_aoi, cell.series
-    return {w: World(bounds[w], *reached[w]) for w in bounds if w in reached}
+        if not cell.record.is_bound:
+            world = cell.record.world_hash
+            reached[world] = min(cell.record.mean("mean_aoi"), reached.get(world, math.inf))
+    return reached
 
 
-def gaps_of(results: Results, worlds: dict[str, World], name: str, place: float) -> Gaps | None:
-    """The gaps of a series at a place; None where it has no bound."""
-    pairs = [(r, worlds[r.world_hash]) for r in results.records(name, place) if _is_in(r, worlds)]
-    if not pairs:
+def gaps_of(results: Results, bound: str, series: str, place: float) -> Gaps | None:
+    """The gaps of a series at a place to a series of bounds; None where it has none."""
+    bounds = {r.world_hash: r.mean("mean_aoi") for r in results.records(bound)}
+    records = [r for r in results.records(series, place) if r.world_hash in bounds]
+    measured = measured_of(records, "mean_aoi")
+    if measured is None:
         return None
+    reached = best_known(results)
+    means, worlds = [r.mean("mean_aoi") for r in records], [r.world_hash for r in records]
     return Gaps(
-        name,
+        series,
         place,
-        Spread.of([_percent(r.mean("mean_aoi"), world.bound) for r, world in pairs]),
-        Spread.of([_percent(r.mean("mean_aoi"), world.best_known) for r, world in pairs]),
+        len(records),
+        measured,
+        float(np.mean([bounds[world] for world in worlds])),
+        float(np.mean([reached[world] for world in worlds])),
+        Spread.of([gap_percent(m, bounds[w]) for m, w in zip(means, worlds, strict=True)]),
+        Spread.of([gap_percent(m, reached[w]) for m, w in zip(means, worlds, strict=True)]),
     )
 
 
 def gap_section(results: Results) -> Section:
     """A figure and a table for each series of bounds; nothing where there is none."""
-    worlds = known_worlds(results)
     items: list[Plot | Table] = []
-    for number, (bound, found) in enumerate(_by_bound(results, worlds), start=1):
+    for number, (bound, found) in enumerate(_by_bound(results), start=1):
         items += [
             _figure(results, f"gap-{number}", bound, found),
-            _table(results, f"gap-table-{number}", bound, found, worlds),
+            _table(results, f"gap-table-{number}", bound, found),
         ]
-    return Section(
-        "gap",
-        "The gap to the optimum",
-        paragraphs=(WHAT_IT_IS,),
-        items=tuple(items),
-    )
+    return Section("gap", "The gap to the optimum", paragraphs=(WHAT_IT_IS,), items=tuple(items))
 
 
 def gap_lead(results: Results) -> list[str]:
-    """How near the trained policies come, a sentence for each series with bounds."""
+    """How near the trained policies come, a sentence for each series of them and of bounds."""
     sentences = []
-    for _, found in _by_bound(results, known_worlds(results)):
-        trained = {g.series for g in found if any(r.training for r in results.records(g.series))}
-        for name in (n for n in results.series if n in trained):
-            own = [g for g in found if g.series == name]
-            if len(own) < len(results.places(name)):
-                continue
-            sentences.append(
-                f"{name}: {_extent([g.above_bound.median for g in own])} above the certified "
-                f"bound, {_extent([g.above_best_known.median for g in own])} above the best known."
-            )
+    for bound, found in _by_bound(results):
+        for name in dict.fromkeys(gaps.series for gaps in found):
+            own = [gaps for gaps in found if gaps.series == name]
+            trained = any(record.training for record in results.records(name))
+            if trained and len(own) == len(results.places(name)):
+                sentences.append(
+                    f"{name}: {_extent([g.above_bound.median for g in own])} above the {bound}, "
+                    f"{_extent([g.above_best_known.median for g in own])} above the best known."
+                )
     return sentences
 
 
@@ -139,19 +142,14 @@ def _extent(values: Sequence[float]) -> str:
     return f"{' to '.join(ends)}{NO_BREAK}%"
 
 
-def _by_bound(results: Results, worlds: dict[str, World]) -> Iterator[tuple[str, list[Gaps]]]:
+def _by_bound(results: Results) -> Iterator[tuple[str, list[Gaps]]]:
     """For every series of bounds, the gaps of all series in its worlds, place by place."""
-    for bound in results.series:
-        records = results.records(bound)
-        if records[0].policy != BOUND:
-            continue
-        own = {r.world_hash: worlds[r.world_hash] for r in records if _is_in(r, worlds)}
+    for bound in filter(results.is_bound, results.series):
         found = [
             gaps
             for place in results.places()
             for name in results.series
-            if not any(r.policy == BOUND for r in results.records(name))
-            if (gaps := gaps_of(results, own, name, place))
+            if not results.is_bound(name) and (gaps := gaps_of(results, bound, name, place))
         ]
         if found:
             yield bound, found
@@ -172,12 +170,13 @@ def _figure(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Pl
                 colour=colour,
             )
         )
+    runs = protocol(results, [line.name for line in lines], intervals=False)
     return Plot(
         key=key,
         title=f"Above the {bound}",
         caption=(
             f"Mean AoI above the certified bound, median and range of runs; below {LEAST_DRAWN:g} "
-            f"% drawn as {LEAST_DRAWN:g} %. {protocol(results, [line.name for line in lines])}"
+            f"% drawn as {LEAST_DRAWN:g} %. {runs}"
         ),
         command=results.command,
         x_label=results.axis.label,
@@ -189,36 +188,30 @@ def _figure(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Pl
     )
 
 
-def _table(
-    results: Results, key: str, bound: str, found: Sequence[Gaps], worlds: dict[str, World]
-) -> Table:
-    rows: list[tuple[str, ...]] = []
-    marked = set()
-    for gaps in found:
-        records = results.records(gaps.series, gaps.place)
-        here = {r.world_hash: worlds[r.world_hash] for r in records if _is_in(r, worlds)}
-        if any(world.by == gaps.series for world in here.values()):
-            marked.add((len(rows), 4))
-        rows.append(
-            (
-                gaps.series,
-                place_text(gaps.place),
-                metric(results.measured(gaps.series, gaps.place, "mean_aoi"), "mean_aoi"),
-                f"{np.mean([world.bound for world in here.values()]):.3f}",
-                f"{np.mean([world.best_known for world in here.values()]):.3f}",
-                gaps.above_bound.text(),
-                gaps.above_best_known.text(),
-            )
+def _table(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Table:
+    rows = [
+        (
+            gaps.series,
+            place_text(gaps.place),
+            metric(gaps.mean_aoi, "mean_aoi"),
+            rounded_down(gaps.bound, 3),
+            f"{gaps.best_known:.3f}",
+            gaps.above_bound.text(),
+            gaps.above_best_known.text(),
         )
+        for gaps in found
+    ]
+    series = list(dict.fromkeys(gaps.series for gaps in found))
+    without = sum(len(results.records(gaps.series, gaps.place)) - gaps.runs for gaps in found)
     return Table(
         key=key,
         title=f"Mean AoI and the {bound}",
         caption=(
             "Gaps are medians of runs, in brackets the least and the largest. Of several layouts, "
             "bound and best known are means over them. Marked: whose policy is the best known, of "
-            "several layouts in one of them at least. "
-            + protocol(results, list(dict.fromkeys(gaps.series for gaps in found)))
-        ),
+            f"several layouts in one of them at least. {protocol(results, series, intervals=False)}"
+        )
+        + (f" Left out are {without} runs in worlds without a bound." if without else ""),
         command=results.command,
         columns=(
             "Series",
@@ -231,17 +224,9 @@ def _table(
         ),
         rows=tuple(rows),
         numeric=frozenset(range(1, 7)),
-        marked=frozenset(marked),
+        marked=frozenset((row, 4) for row, gaps in enumerate(found) if gaps.is_best_known),
     )
 
 
-def _is_in(record: Record, worlds: dict[str, World]) -> bool:
-    return record.world_hash in worlds
-
-
-def _percent(mean_aoi: float, of: float) -> float:
-    return 100 * (mean_aoi / of - 1)
-
-
 def _digits(percent: float) -> str:
-    return f"{percent:.0f}" if abs(percent) >= 10 else f"{percent:.1f}"
+    return f"{percent:.0f}" if abs(percent) >= 10 else f"{max(percent, 0):.1f}"

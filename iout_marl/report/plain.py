@@ -11,7 +11,6 @@ from iout_marl.report.measures import duration, place_text
 from iout_marl.report.palette import COLOURS
 from iout_marl.report.study_figures import learning_figure, metric_figure, metrics_table
 from iout_marl.study.results import Results
-from iout_marl.study.schema import BOUND
 
 #: Metrics that get a figure of their own.
 FIGURES = (
@@ -23,13 +22,13 @@ FIGURES = (
 
 def plain_report(results: Results) -> Report:
     """Every series over the axis."""
-    bounds = {cell.series for cell in results.cells if cell.record.policy == BOUND}
     best = min(
         (
             (measured.mean, name, place)
             for name in results.series
+            if not results.is_bound(name)
             for place in results.places(name)
-            if name not in bounds and (measured := results.measured(name, place, "mean_aoi"))
+            if (measured := results.measured(name, place, "mean_aoi"))
         ),
         default=None,
     )
@@ -45,9 +44,14 @@ def plain_report(results: Results) -> Report:
         title="Series over the axis",
         items=(
             *(
-                metric_figure(results, metric + number, title + of_what, metric, names)
+                figure
                 for metric, title in FIGURES
                 for number, of_what, names in _families(results.series)
+                if (
+                    figure := metric_figure(
+                        results, metric + number, title + of_what, metric, names
+                    )
+                ).lines
             ),
             metrics_table(results, "metrics", "All series", results.series),
         ),
@@ -108,6 +112,7 @@ def cells_section(results: Results) -> Section:
                 ", ".join(seeds),
                 f"{record.episodes}",
                 f"{record.training.env_steps:,}" if record.training else "–",
+                record.search or "–",
             ),
         )
     items = [
@@ -124,6 +129,7 @@ def cells_section(results: Results) -> Section:
                 "Seeds",
                 "Episodes",
                 "Environment steps",
+                "Search",
             ),
             rows=tuple(scenarios.values()),
             numeric=frozenset({1, 5, 6}),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +11,9 @@ import numpy.typing as npt
 from iout_marl.episode import Episode
 from iout_marl.evaluation import Estimate
 from iout_marl.report.content import Line, Plot, Table, Trajectory
+from iout_marl.report.measures import METRIC_DIGITS, place_text, rounded_down
 from iout_marl.report.measures import metric as metric_text
-from iout_marl.report.measures import place_text
 from iout_marl.study.results import Measured, Record, Results
-from iout_marl.study.schema import BOUND
 
 #: Metrics that are drawn and tabled: heading, and what its unit is.
 HEADINGS = {
@@ -41,10 +40,10 @@ LEARNING = (
 )
 
 
-def protocol(results: Results, series: Iterable[str]) -> str:
-    """Seeds, episodes and what the intervals are of, for the caption of a figure."""
+def protocol(results: Results, series: Sequence[str], *, intervals: bool = True) -> str:
+    """Seeds, episodes and what the intervals are of, if any, for the caption of a figure."""
     groups: dict[tuple[bool, int, int], list[str]] = {}
-    bounds = [name for name in series if results.records(name)[0].policy == BOUND]
+    bounds = list(filter(results.is_bound, series))
     for name in series:
         if name in bounds:
             continue
@@ -65,7 +64,7 @@ def protocol(results: Results, series: Iterable[str]) -> str:
             interval = "95 % interval of the mean over episodes"
         else:
             interval = "a single episode, without an interval"
-        sentences.append(f"{who}: {what}; {interval}.")
+        sentences.append(f"{who}: {what}" + (f"; {interval}." if intervals else "."))
     if bounds:
         sentences.append(f"{_listed(bounds)}: certified, no policy's mean AoI is lower.")
     return " ".join(sentences)
@@ -209,7 +208,7 @@ def metrics_table(
         (
             name,
             place_text(place),
-            *(metric_text(results.measured(name, place, metric), metric) for metric in metrics),
+            *(_metric_text(results, name, place, metric) for metric in metrics),
         )
         for place in results.places()
         for name in shown
@@ -224,6 +223,13 @@ def metrics_table(
         rows=tuple(rows),
         numeric=frozenset(range(1, len(metrics) + 2)),
     )
+
+
+def _metric_text(results: Results, series: str, place: float, metric: str) -> str:
+    measured = results.measured(series, place, metric)
+    if measured is not None and results.is_bound(series):
+        return rounded_down(measured.mean, METRIC_DIGITS[metric])
+    return metric_text(measured, metric)
 
 
 def seconds(results: Results, series: str, place: float) -> Measured | None:

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from iout_marl.errors import InputError
-from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario import RandomNodes, Scenario, load_scenario
 from iout_marl.scenario.layers import Layer, overrides_layer
-from iout_marl.study.schema import BOUND, TRAINED, Group, Quick, Settings, Study
+from iout_marl.study.schema import BOUND, PLANNER, TRAINED, Group, Quick, Settings, Study
 from iout_marl.world import WORLD_VERSION
 
 #: Environment steps that are trained in a second, and in the time of a planner's round, about.
@@ -31,10 +31,10 @@ class Cell:
         axis: its place on the study's axis.
         scenario: the scenario, settings filled in.
         policy: a baseline, `ppo`, or `bound`.
-        seed: seeds the training, or a baseline's choices.
+        seed: seeds the training, or a baseline's choices, and a layout drawn once for a run.
         episodes: how many episodes it is judged by.
-        effort: how much a search may take: rounds of the planner, seconds for a bound; None
-            for the usual, and for whatever searches nothing.
+        planner_rounds: how long the planner searches; None for the usual, and for others.
+        bound_seconds: how long a bound is searched for; None for others.
     """
 
     group: str
@@ -44,7 +44,8 @@ class Cell:
     policy: str
     seed: int
     episodes: int
-    effort: float | None = None
+    planner_rounds: int | None = None
+    bound_seconds: float | None = None
 
     @property
     def trains(self) -> bool:
@@ -55,8 +56,7 @@ class Cell:
     def key(self) -> str:
         """Name of its files: the same for cells that compute the same."""
         identity = [self.scenario.hash, self.policy, self.seed, self.episodes, WORLD_VERSION]
-        if self.effort is not None:
-            identity.append(self.effort)
+        identity += [e for e in (self.planner_rounds, self.bound_seconds) if e is not None]
         digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:10]
         name = re.sub(r"[^\w.-]+", "-", self.scenario.name)
         return f"{name}-{self.policy}-s{self.seed}-{digest}"
@@ -64,8 +64,10 @@ class Cell:
     @property
     def cost(self) -> float:
         """How long it takes, roughly, in environment steps."""
-        if self.effort is not None:
-            return self.effort * (STEPS_PER_SECOND if self.policy == BOUND else STEPS_PER_ROUND)
+        if self.bound_seconds is not None:
+            return self.bound_seconds * STEPS_PER_SECOND
+        if self.planner_rounds is not None:
+            return self.planner_rounds * STEPS_PER_ROUND
         evaluation = self.episodes * self.scenario.num_slots
         return evaluation + (self.scenario.training.steps if self.trains else 0)
 
@@ -101,6 +103,14 @@ def expand(
     if not cells:
         where = layer.origin(("quick",) if quick else ("groups",))
         raise InputError(f"{where}: the study has no cell" + (" left by --quick" if quick else ""))
+    for name in dict.fromkeys(cell.series for cell in cells):
+        own = [cell for cell in cells if cell.series == name]
+        if len({cell.policy == BOUND for cell in own}) > 1:
+            where = layer.origin(("groups", own[0].group, "series"))
+            raise InputError(
+                f"{where}: groups.{own[0].group}: the series {name!r} has bounds and policies; "
+                "tell them apart in `series` by {policy}"
+            )
     places = Counter((cell.series, cell.axis, cell.seed) for cell in cells)
     for cell in cells:
         if places[cell.series, cell.axis, cell.seed] > 1:
@@ -116,9 +126,10 @@ def expand(
 def _expand_group(
     study: Study, layer: Layer, name: str, group: Group, overrides: Settings, *, quick: bool
 ) -> Iterator[Cell]:
-    few = study.quick.seeds if quick else None
-    efforts = _efforts(group, study.quick if quick else None)
-    last = {**(study.quick.settings if quick else {}), **overrides}
+    short = study.quick if quick else Quick()
+    rounds = group.planner_rounds if short.planner_rounds is None else short.planner_rounds
+    seconds = group.bound_seconds if short.bound_seconds is None else short.bound_seconds
+    last = {**short.settings, **overrides}
     points = itertools.product(enumerate(group.scenarios), group.variants.items(), _grid(group))
     for (i, source), (variant, changes), point in points:
         where = layer.origin(("groups", name, "scenarios", i))
@@ -127,7 +138,9 @@ def _expand_group(
         except InputError as error:
             raise InputError(f"{where}: groups.{name}: {error}") from None
         axis = _axis(scenario, study, layer)
-        for policy, seed in itertools.product(group.policies, group.seeds[:few]):
+        for policy, seed in itertools.product(group.policies, group.seeds[: short.seeds]):
+            if policy == BOUND and seed != group.seeds[0] and not _draws_layout(scenario):
+                continue  # one bound holds for all
             series = _series(group, where, name, {"policy": policy, "variant": variant, **point})
             yield Cell(
                 name,
@@ -137,18 +150,14 @@ def _expand_group(
                 policy,
                 seed,
                 episodes=1 if policy == BOUND else group.episodes,
-                effort=efforts.get(policy),
+                planner_rounds=rounds if policy == PLANNER else None,
+                bound_seconds=seconds if policy == BOUND else None,
             )
 
 
-def _efforts(group: Group, quick: Quick | None) -> dict[str, float | None]:
-    """What the planner and a bound may take."""
-    rounds, seconds = group.planner_rounds, group.bound_seconds
-    if quick is not None and quick.planner_rounds is not None and rounds is not None:
-        rounds = min(rounds, quick.planner_rounds)
-    if quick is not None and quick.bound_seconds is not None:
-        seconds = min(seconds, quick.bound_seconds)
-    return {"planner": rounds, BOUND: seconds}
+def _draws_layout(scenario: Scenario) -> bool:
+    """Whether the nodes of a run lie where its seed puts them."""
+    return isinstance(scenario.nodes, RandomNodes) and scenario.nodes.redraw == "run"
 
 
 def _grid(group: Group) -> Iterator[Settings]:

@@ -70,6 +70,7 @@ class Record(BaseModel):
     `samples` has every metric of every episode, of a bound the one that it bounds; `episode`
     the first episode in full, of policies that were trained (see `iout_marl.episode.Episode`).
     `world_hash` is that of the world that was played: of one layout, where one was drawn.
+    `search` says how a bound was found, or how long a plan was searched for.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -91,6 +92,7 @@ class Record(BaseModel):
     episode: dict[str, Any] | None
     machine: dict[str, str]
     date: str
+    search: str = ""
 
     @classmethod
     def of(
@@ -100,6 +102,7 @@ class Record(BaseModel):
         date: str,
         training: TrainingRecord | None = None,
         episode: dict[str, Any] | None = None,
+        search: str = "",
     ) -> Self:
         """The record of a cell on this machine."""
         scenario = cell.scenario
@@ -121,6 +124,7 @@ class Record(BaseModel):
             episode=episode,
             machine=machine.describe(),
             date=date,
+            search=search,
         )
 
     @model_validator(mode="after")
@@ -130,6 +134,11 @@ class Record(BaseModel):
             if len(values) != self.episodes or not np.isfinite(values).all():
                 raise ValueError(f"samples.{name} must hold a number for each episode")
         return self
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether it is no policy's, but what none can beat."""
+        return self.policy == BOUND
 
     def mean(self, metric: str) -> float:
         """A metric's mean over the episodes."""
@@ -197,6 +206,17 @@ class Measured:
         return self.estimate.mean
 
 
+def measured_of(records: Iterable[Record], metric: str) -> Measured | None:
+    """A metric of the records of one place; None where it was not measured."""
+    found = [record for record in records if metric in record.samples]
+    if not found:
+        return None
+    bounds = BOUNDS.get(metric, NOT_NEGATIVE)
+    if len(found) > 1:
+        return Measured(tuple(record.mean(metric) for record in found), "seeds", bounds)
+    return Measured(tuple(found[0].samples[metric]), "episodes", bounds)
+
+
 class Results(BaseModel):
     """The results of a study."""
 
@@ -247,6 +267,10 @@ class Results(BaseModel):
         """Names of the series, in the study's order."""
         return list(dict.fromkeys(cell.series for cell in self.cells))
 
+    def is_bound(self, series: str) -> bool:
+        """Whether a series is one of bounds, not of policies."""
+        return any(record.is_bound for record in self.records(series))
+
     def group_series(self, group: str) -> list[str]:
         """Names of the series of one group."""
         return list(dict.fromkeys(cell.series for cell in self.cells if cell.group == group))
@@ -265,13 +289,7 @@ class Results(BaseModel):
 
     def measured(self, series: str, place: float, metric: str) -> Measured | None:
         """A metric of a series at a place; None where nothing was measured."""
-        records = [r for r in self.records(series, place) if metric in r.samples]
-        if not records:
-            return None
-        bounds = BOUNDS.get(metric, NOT_NEGATIVE)
-        if len(records) > 1:
-            return Measured(tuple(record.mean(metric) for record in records), "seeds", bounds)
-        return Measured(tuple(records[0].samples[metric]), "episodes", bounds)
+        return measured_of(self.records(series, place), metric)
 
     def to_json(self) -> str:
         """As the text of a file."""
@@ -282,7 +300,7 @@ class Results(BaseModel):
         text = io.StringIO()
         rows = csv.writer(text, lineterminator="\n")
         place = ("group", "series", self.axis.key, "scenario", "scenario_hash", "policy", "seed")
-        cost = ("env_steps", "seconds", "energy_kwh", "co2_kg")
+        cost = ("env_steps", "seconds", "energy_kwh", "co2_kg", "search")
         rows.writerow((*place, "episodes", *METRICS, *cost))
         for cell in self.cells:
             record = cell.record
@@ -298,6 +316,7 @@ class Results(BaseModel):
                     ),
                     *((training.env_steps, training.seconds) if training else ("", "")),
                     *((emissions.energy_kwh, emissions.co2_kg) if emissions else ("", "")),
+                    record.search,
                 )
             )
         return text.getvalue()

@@ -4,7 +4,7 @@
 |---|---|
 | `study.json` | which study it is, and the versions that it is of |
 | `cells/KEY.json` | the record of a finished cell |
-| `runs/KEY/` | the run folder of a cell that trained |
+| `runs/KEY/` | the run folder of a cell that trained; a bound's certificate |
 | `results.json`, `results.csv` | all cells together |
 """
 

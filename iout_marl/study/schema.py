@@ -17,6 +17,8 @@ from iout_marl.scenario.sources import find_study
 
 #: The policy that is trained, by the scenario's `training` section.
 TRAINED = "ppo"
+#: The policy that searches as long as it may.
+PLANNER = "planner"
 #: What stands where a policy does, and is the mean AoI that none can beat.
 BOUND = "bound"
 POLICIES = (*UNTRAINED, TRAINED, BOUND)
@@ -45,7 +47,7 @@ class Quick(Section):
     axis: Annotated[tuple[float, ...], Field(min_length=1, strict=False)] | None = None
     #: How many seeds of each group, from its first.
     seeds: Count | None = None
-    #: What searches may take, at most: rounds of the planner, seconds for a bound.
+    #: What searches take, in every group: rounds of the planner, seconds for a bound.
     planner_rounds: Annotated[int, Field(ge=0)] | None = None
     bound_seconds: NonNegative | None = None
     #: Groups that are left out.
@@ -82,6 +84,9 @@ class Group(Section):
             if policy not in POLICIES:
                 hint = did_you_mean(policy, POLICIES)
                 raise invalid(("policies", i), f"unknown policy {policy!r}{hint}")
+        for key, policy in (("planner_rounds", PLANNER), ("bound_seconds", BOUND)):
+            if key in self.model_fields_set and policy not in self.policies:
+                raise invalid((key,), f"there is no {policy!r} among the group's policies")
         for key, values in self.grid.items():
             if not values:
                 raise invalid(("grid", key), "is empty: give at least one value")

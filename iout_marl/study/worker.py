@@ -13,7 +13,7 @@ from iout_marl.bounds import bound
 from iout_marl.episode import record_episode
 from iout_marl.evaluation import evaluate
 from iout_marl.policies import Budget, PlannerPolicy
-from iout_marl.scenario import load_scenario
+from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.study.cells import Cell
 from iout_marl.study.emissions import measured
 from iout_marl.study.results import Record, TrainingRecord, rounded
@@ -33,7 +33,7 @@ class Output:
 
     Attributes:
         record: its figures.
-        run: the files of the run's folder, of cells that train.
+        run: the files of the run's folder, of cells that train; a bound's certificate.
     """
 
     record: Record
@@ -46,15 +46,20 @@ def run_cell(cell: Cell, carbon_g_per_kwh: float) -> Output:
         return _train(cell, carbon_g_per_kwh)
     scenario = pin_layout(cell.scenario, cell.seed)
     if cell.policy == BOUND:
-        found = bound(scenario, seconds=cell.effort or 0)
-        text = json.dumps(found.to_json(), indent=2) + "\n"
-        return Output(
-            Record.of(cell, {"mean_aoi": [found.best]}, _today()), {"bound.json": text.encode()}
-        )
-    searches = cell.policy == "planner" and cell.effort is not None
-    policy = PlannerPolicy(Budget(rounds=int(cell.effort or 0))) if searches else cell.policy
+        return _bound(cell, scenario)
+    rounds = cell.planner_rounds
+    policy = cell.policy if rounds is None else PlannerPolicy(Budget(rounds=rounds))
+    search = "" if rounds is None else f"{rounds} rounds"
     evaluation = evaluate(scenario, policy, cell.episodes, cell.seed)
-    return Output(Record.of(cell, evaluation.samples, _today()), {})
+    return Output(Record.of(cell, evaluation.samples, _today(), search=search), {})
+
+
+def _bound(cell: Cell, scenario: Scenario) -> Output:
+    assert cell.bound_seconds is not None
+    data = bound(scenario, seconds=cell.bound_seconds).to_json()
+    search = f"{data['certificate']['kind']}, {cell.bound_seconds:g} s"
+    record = Record.of(cell, {"mean_aoi": [data["best"]]}, _today(), search=search)
+    return Output(record, {"bound.json": (json.dumps(data, indent=2) + "\n").encode()})
 
 
 def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:

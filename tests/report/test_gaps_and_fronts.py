@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from iout_marl.report.build import build_report
 from iout_marl.report.content import Plot, Table
 from iout_marl.report.fronts import Point, front_section, pareto_front
-from iout_marl.report.gaps import gap_lead, gap_section, gaps_of, known_worlds
+from iout_marl.report.gaps import best_known, gap_lead, gap_section, gaps_of
 from iout_marl.report.markdown import render_markdown
 
 
@@ -50,24 +50,18 @@ def items(section, kind):
 
 
 def test_best_known_is_the_lowest_of_all_series_in_the_same_world(made):
-    worlds = known_worlds(made)
-    assert {key: (w.bound, w.best_known, w.by) for key, w in worlds.items()} == {
-        "a": (2.0, 2.4, "PPO"),
-        "b": (4.0, 4.0, "planner"),
-        "c": (5.0, 5.5, "planner"),
-    }
+    assert best_known(made) == {"a": 2.4, "b": 4.0, "c": 5.5, "d": 1.0}
 
 
 def test_gaps_are_those_of_each_run_in_its_own_world(made):
-    worlds = known_worlds(made)
-    alone = gaps_of(made, worlds, "PPO", 3)
+    alone = gaps_of(made, "bound", "PPO", 3)
     assert alone.above_bound.median == pytest.approx(30)
     assert (alone.above_bound.least, alone.above_bound.largest) == pytest.approx((20, 50))
     assert alone.above_best_known.median == pytest.approx(100 * (2.6 / 2.4 - 1))
-    layouts = gaps_of(made, worlds, "PPO", 5)
+    layouts = gaps_of(made, "bound", "PPO", 5)
     assert (layouts.above_bound.least, layouts.above_bound.largest) == pytest.approx((20, 25))
     assert layouts.above_best_known.largest == pytest.approx(25)
-    assert gaps_of(made, worlds, "elsewhere", 5) is None
+    assert gaps_of(made, "bound", "elsewhere", 5) is None
 
 
 def test_table_and_figure_of_gaps(made):
@@ -88,12 +82,56 @@ def test_table_and_figure_of_gaps(made):
 
 def test_report_begins_with_how_near_the_trained_come_and_takes_no_bound_for_a_policy(made):
     assert gap_lead(made) == [
-        "PPO: 22 to 30\u00a0% above the certified bound, 8.3 to 17\u00a0% above the best known."
+        "PPO: 22 to 30\u00a0% above the bound, 8.3 to 17\u00a0% above the best known."
     ]
     text = render_markdown(build_report(made), "figures")
     assert "The lowest mean AoI, 1.00, is that of elsewhere" in text
     assert "bound: certified, no policy's mean AoI is lower." in text
     assert "| bound | 3 | 2.00 | – | – | – |" in text
+
+
+def test_each_series_of_bounds_has_gaps_of_its_own_and_runs_without_one_are_left_out():
+    more = [
+        cell("low bound", "bound", 3, 0, 1.5, "a"),
+        cell("PPO", "ppo", 3, 3, 9.0, "unbounded"),
+    ]
+    made = results([*CELLS, *more], report="plain")
+    assert gaps_of(made, "bound", "PPO", 3).above_bound.median == pytest.approx(30)
+    low = gaps_of(made, "low bound", "PPO", 3)
+    assert low.above_bound.median == pytest.approx(100 * (2.6 / 1.5 - 1))
+    assert (low.runs, low.mean_aoi.mean) == (3, pytest.approx(8 / 3))
+    tables = items(gap_section(made), Table)
+    assert ["Left out are 1 runs" in table.caption for table in tables] == [True, True]
+    assert [row[3] for row in tables[1].rows] == ["1.500", "1.500"]
+
+
+def test_certified_figures_are_rounded_down_and_small_differences_are_none():
+    made = results(
+        [
+            cell("bound", "bound", 3, 0, 8 / 3, "a"),
+            cell("one", "planner", 3, 0, 3.0, "a"),
+            cell("other", "planner", 3, 0, 3.000001, "a"),
+        ],
+        report="plain",
+    )
+    (table,) = items(gap_section(made), Table)
+    assert [row[3] for row in table.rows] == ["2.666", "2.666"]
+    assert [row[6] for row in table.rows] == ["0.0\u00a0%", "0.0\u00a0%"]
+    assert table.marked == {(0, 4), (1, 4)}
+    assert "| bound | 3 | 2.66 |" in render_markdown(build_report(made), "figures")
+
+
+def test_a_study_of_bounds_alone_has_no_empty_figures():
+    report = build_report(results([CELLS[0]], report="plain"))
+    assert [figure.key for figure in report.figures()] == ["mean_aoi"]
+
+
+def test_captions_of_gaps_and_fronts_tell_of_no_interval(made):
+    sections = gap_section(made), front_section(made.model_copy(update={"front": True}))
+    captions = [item.caption for section in sections for item in section.items]
+    assert len(captions) == 2 + 8
+    assert not any("95 %" in caption for caption in captions)
+    assert "PPO: 3 trainings, 1 episode each." in captions[0]
 
 
 def test_nothing_is_said_of_gaps_where_there_is_no_bound():
@@ -145,5 +183,6 @@ def test_fronts_are_drawn_world_by_world_and_tell_what_p1_prefers():
         ("w = 9", "0", "1.0000", "5.00", "0.0000"),
     )
     told = section.paragraphs[1]
+    assert section.paragraphs[2].startswith("paper/k5: P1 prefers what is freshest, one of w = 0")
     assert "P1 prefers one of w = 9 (mean AoI 5.00, J 1.0000" in told
     assert "2 runs have a Jain's index of 1.000; their mean AoI goes from 5.00 to 30.00" in told

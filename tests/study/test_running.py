@@ -121,6 +121,8 @@ def test_bounds_stand_beside_what_they_bound(run, searched, tmp_path):
         assert saved["best"] == pytest.approx(bound.mean("mean_aoi"), rel=1e-6)
         certificate = Certificate.from_json(saved["certificate"])
         assert verified_age_sum(layout, certificate) == pytest.approx(saved["best"] * 2 * 20)
+        assert bound.search == f"{saved['certificate']['kind']}, 1 s"
+        assert planner.search == "1 rounds"
     assert records["bound", 0].world_hash != records["bound", 1].world_hash
     assert results.measured("bound", 2, "jain") is None
     assert ",bound,0,1," in results.to_csv()
@@ -128,8 +130,9 @@ def test_bounds_stand_beside_what_they_bound(run, searched, tmp_path):
 
 def test_how_long_a_search_takes_is_part_of_its_cell_alone(searched):
     usual, quick = expand(*searched), expand(*searched, quick=True)
-    assert [cell.effort for cell in usual[::2]] == [None, 1, 1]
-    assert [cell.effort for cell in quick[::2]] == [None, 0, 0.5]
+    efforts = [[(c.planner_rounds, c.bound_seconds) for c in s[::2]] for s in (usual, quick)]
+    assert efforts[0] == [(None, None), (1, None), (None, 1)]
+    assert efforts[1] == [(None, None), (0, None), (None, 0.5)]
     assert [a.key == b.key for a, b in zip(usual, quick, strict=True)] == [True, True, *[False] * 4]
 
 

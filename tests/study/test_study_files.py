@@ -5,6 +5,7 @@ from tiny_study import STUDY, write_study
 
 from iout_marl import InputError
 from iout_marl.study import expand, load_study
+from iout_marl.world import pin_layout
 
 
 def cells_of(path, overrides=(), *, quick=False):
@@ -71,6 +72,32 @@ def test_a_cell_keeps_its_key_when_the_study_around_it_changes(tmp_path):
     assert before - {c.key for c in cells_of(write_study(tmp_path / "c.yaml", **episodes))}
 
 
+def test_one_bound_is_enough_where_nodes_stay_and_each_layout_has_its_own(tmp_path):
+    group = {"scenarios": ["best/k3-fdd"], "policies": ["greedy", "bound"], "seeds": [4, 5]}
+    for scenario, seeds in (("best/k3-fdd", [4]), ("random/k3-fdd", [4, 5])):
+        groups = {"g": group | {"scenarios": [scenario]}}
+        cells = cells_of(write_study(tmp_path / "s.yaml", groups=groups, quick={}))
+        assert [c.seed for c in cells if c.policy == "bound"] == seeds
+        assert [c.seed for c in cells if c.policy == "greedy"] == [4, 5]
+
+
+def test_quick_searches_as_long_as_it_says(tmp_path):
+    group = {"scenarios": ["best/k3-fdd"], "policies": ["planner", "bound"], "bound_seconds": 9}
+    for quick, efforts in (({}, (None, 9)), ({"planner_rounds": 0, "bound_seconds": 2}, (0, 2))):
+        path = write_study(tmp_path / "s.yaml", groups={"g": group}, quick=quick)
+        planner, bound = cells_of(path, quick=True)
+        assert (planner.planner_rounds, bound.bound_seconds) == efforts
+
+
+@pytest.mark.parametrize("study", ["paper", "gap"])
+@pytest.mark.parametrize("quick", [False, True])
+def test_every_world_of_these_studies_has_a_bound(study, quick):
+    cells = cells_of(study, quick=quick)
+    worlds = {pin_layout(c.scenario, c.seed).world_hash for c in cells}
+    bounded = {pin_layout(c.scenario, c.seed).world_hash for c in cells if c.policy == "bound"}
+    assert worlds == bounded
+
+
 def test_the_paper_study_has_every_cell_of_the_paper():
     cells = cells_of("paper")
     assert {c.axis for c in cells} == {3, 5, 7, 10}
@@ -112,6 +139,18 @@ MISTAKES = {
     "empty grid": (
         changed("baseline", grid={"nodes.count": []}),
         r"groups\.baseline\.grid\.nodes\.count: is empty",
+    ),
+    "rounds without a planner": (
+        changed("baseline", planner_rounds=3),
+        r"groups\.baseline\.planner_rounds: there is no 'planner' among the group's policies",
+    ),
+    "seconds without a bound": (
+        changed("trained", bound_seconds=3),
+        r"groups\.trained\.bound_seconds: there is no 'bound' among the group's policies",
+    ),
+    "a series of bounds and policies": (
+        changed("baseline", policies=["greedy", "bound"], series="{nodes.count}"),
+        r"groups\.baseline: the series '1' has bounds and policies; tell them apart",
     ),
     "no groups": ({"groups": {}}, r"groups: .*at least 1"),
     "no scenarios": (changed("baseline", scenarios=[]), r"scenarios: must list at least 1"),
