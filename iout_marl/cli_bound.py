@@ -82,15 +82,17 @@ def bound_command(
 
 
 def _print(found: Bound, reached: dict[str, float], episodes: int, seed: int) -> None:
+    from iout_marl.bounds import rounded_down
+
     typer.echo(f"{found.scenario} ({found.scenario_hash}): mean AoI in slots; {found.validity}")
     table = Table()
     table.add_column("")
     table.add_column("mean AoI", justify="right")
     table.add_column("gap", justify="right")
-    table.add_row("scheduling bound", f"{found.scheduling:.3f}", "")
+    table.add_row("scheduling bound", rounded_down(found.scheduling, 3), "")
     if found.energy_and_travel is not None:
         is_higher = found.energy_and_travel > found.scheduling
-        figure = f"{found.energy_and_travel:.3f}" if is_higher else "none higher found"
+        figure = rounded_down(found.energy_and_travel, 3) if is_higher else "none higher found"
         table.add_row("energy and travel bound", figure, "")
     table.add_section()
     best = min(reached, key=lambda name: reached[name])

@@ -64,6 +64,12 @@ class Bound:
         }
 
 
+def rounded_down(value: float, digits: int) -> str:
+    """A bound as text, which is never more than it is."""
+    # A decimal number of few digits is itself, and not what its last bit makes of it.
+    return f"{math.floor(round(value * 10**digits, 4)) / 10**digits:.{digits}f}"
+
+
 def gap_percent(mean_aoi: float, of: float) -> float:
     """How far a mean AoI lies above another or a bound, in percent of that."""
     return 100 * (mean_aoi / of - 1)

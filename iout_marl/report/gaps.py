@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iout_marl.bounds import gap_percent
+from iout_marl.bounds import gap_percent, rounded_down
 from iout_marl.report.content import Line, Plot, Section, Table
-from iout_marl.report.measures import NO_BREAK, metric, place_text, rounded_down
+from iout_marl.report.measures import NO_BREAK, metric, place_text
 from iout_marl.report.study_figures import protocol
 from iout_marl.study.results import Measured, Results, measured_of
 
@@ -125,13 +125,16 @@ def gap_section(results: Results) -> Section:
 def gap_lead(results: Results) -> list[str]:
     """How near the trained policies come, a sentence for each series of them and of bounds."""
     sentences = []
-    for bound, found in _by_bound(results):
+    by_bound = list(_by_bound(results))
+    for bound, found in by_bound:
         for name in dict.fromkeys(gaps.series for gaps in found):
             own = [gaps for gaps in found if gaps.series == name]
             trained = any(record.training for record in results.records(name))
             if trained and len(own) == len(results.places(name)):
+                is_only = sum(name in {g.series for g in other} for _, other in by_bound) == 1
                 sentences.append(
-                    f"{name}: {_extent([g.above_bound.median for g in own])} above the {bound}, "
+                    f"{name}: {_extent([g.above_bound.median for g in own])} above the "
+                    f"{'certified bound' if is_only else bound}, "
                     f"{_extent([g.above_best_known.median for g in own])} above the best known."
                 )
     return sentences
@@ -170,6 +173,8 @@ def _figure(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Pl
                 colour=colour,
             )
         )
+    least = min(gaps.above_bound.least for gaps in found)
+    largest = max(gaps.above_bound.largest for gaps in found)
     runs = protocol(results, [line.name for line in lines], intervals=False)
     return Plot(
         key=key,
@@ -184,6 +189,7 @@ def _figure(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Pl
         lines=tuple(lines),
         kind="bars",
         log_y=True,
+        y_range=(LEAST_DRAWN, 1.5 * largest) if least < LEAST_DRAWN < largest else None,
         categories=True,
     )
 

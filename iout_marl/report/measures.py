@@ -90,12 +90,6 @@ def number(estimate: Estimate, digits: int, unit: str = "") -> str:
     return f"{mean}{unit} ({low} to {high})"
 
 
-def rounded_down(value: float, digits: int) -> str:
-    """A certified bound as text: never more than it is."""
-    # What is a decimal number of few more digits is that, not a rounding below it.
-    return f"{math.floor(round(value * 10**digits, 4)) / 10**digits:.{digits}f}"
-
-
 def percent(estimate: Estimate) -> str:
     """`35 % (31 to 39)` for 0.35: a share and its interval, where it has one."""
     hundred = Estimate(100 * estimate.mean, 100 * estimate.low, 100 * estimate.high)

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.bounds import rounded_down
 from iout_marl.episode import Episode
 from iout_marl.evaluation import Estimate
 from iout_marl.report.content import Line, Plot, Table, Trajectory
-from iout_marl.report.measures import METRIC_DIGITS, place_text, rounded_down
+from iout_marl.report.measures import METRIC_DIGITS, place_text
 from iout_marl.report.measures import metric as metric_text
 from iout_marl.study.results import Measured, Record, Results
 

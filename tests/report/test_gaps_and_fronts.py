@@ -82,7 +82,7 @@ def test_table_and_figure_of_gaps(made):
 
 def test_report_begins_with_how_near_the_trained_come_and_takes_no_bound_for_a_policy(made):
     assert gap_lead(made) == [
-        "PPO: 22 to 30\u00a0% above the bound, 8.3 to 17\u00a0% above the best known."
+        "PPO: 22 to 30\u00a0% above the certified bound, 8.3 to 17\u00a0% above the best known."
     ]
     text = render_markdown(build_report(made), "figures")
     assert "The lowest mean AoI, 1.00, is that of elsewhere" in text
