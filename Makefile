@@ -49,13 +49,18 @@ demo: $(RUNTIME)
 reproduce: $(EMISSIONS)
 	$(BIN)/iout reproduce
 
-# The pages of the committed results; RESULTS=runs/paper and MULTI=runs/multi take over those
-# of new runs.
+# The pages of the committed results; RESULTS=runs/paper, MULTI=runs/multi, GAP=runs/gap and
+# FAIRNESS=runs/fairness take over those of new runs.
+define PAGE
+	$(if $($(1)),mkdir -p docs/$(2) && cp $($(1))/results.json $($(1))/results.csv docs/$(2)/)
+	$(BIN)/iout report docs/$(2) --markdown docs/$(3).md
+
+endef
 docs: $(RUNTIME)
-	$(if $(RESULTS),cp $(RESULTS)/results.json $(RESULTS)/results.csv docs/results/)
-	$(BIN)/iout report docs/results --markdown docs/reproduction.md
-	$(if $(MULTI),cp $(MULTI)/results.json $(MULTI)/results.csv docs/multi/)
-	$(BIN)/iout report docs/multi --markdown docs/multi-auv-results.md
+	$(call PAGE,RESULTS,results,reproduction)
+	$(call PAGE,MULTI,multi,multi-auv-results)
+	$(call PAGE,GAP,gap,gap-results)
+	$(call PAGE,FAIRNESS,fairness,fairness-results)
 
 test: lint types pytest
 

@@ -107,6 +107,15 @@ def _figure(results: Results, key: str, world: str, points: Sequence[Point]) -> 
     hues = [colour for colour in range(len(COLOURS)) if colour != GREY]  # which is the front's
     lines = [
         Line(
+            "Pareto front",
+            tuple(point.jain for point in front),
+            tuple(point.mean_aoi for point in front),
+            dashed=True,
+            colour=GREY,
+        )
+    ]
+    lines += [
+        Line(
             name,
             tuple(point.jain for point in points if point.series == name),
             tuple(point.mean_aoi for point in points if point.series == name),
@@ -115,15 +124,6 @@ def _figure(results: Results, key: str, world: str, points: Sequence[Point]) -> 
         )
         for number, name in enumerate(names)
     ]
-    lines.append(
-        Line(
-            "Pareto front",
-            tuple(point.jain for point in front),
-            tuple(point.mean_aoi for point in front),
-            dashed=True,
-            colour=GREY,
-        )
-    )
     return Plot(
         key=key,
         title=f"Mean AoI against fairness: {world}",

@@ -3,11 +3,14 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from iout_marl import load_scenario
-from iout_marl.bounds import delivery_bound
+from iout_marl.bounds import delivery_bound, rounded_down
 from iout_marl.report.build import build_report
+from iout_marl.report.fronts import front_section
+from iout_marl.report.gaps import gaps_of
 from iout_marl.report.markdown import render_markdown
 from iout_marl.report.measures import number
 from iout_marl.study import expand, load_study
@@ -16,7 +19,12 @@ from iout_marl.study.results import read_results
 DOCS = Path(__file__).parents[2] / "docs"
 
 #: By name of the study: the folder of its results, and its page.
-COMMITTED = {"paper": ("results", "reproduction.md"), "multi": ("multi", "multi-auv-results.md")}
+COMMITTED = {
+    "paper": ("results", "reproduction.md"),
+    "multi": ("multi", "multi-auv-results.md"),
+    "gap": ("gap", "gap-results.md"),
+    "fairness": ("fairness", "fairness-results.md"),
+}
 
 
 @pytest.mark.parametrize("study", COMMITTED)
@@ -69,3 +77,60 @@ def test_the_table_of_access_rules_is_of_the_results(access):
             for name in ("PPO", "tour", "planner")
         ]
         assert f"| `{access}` | {auvs} | {' | '.join(cells)} |" in text
+
+
+#: Rows of the table of gaps: what each is called, its place, and the end of its series' names.
+GAPS = {
+    **{f"`best/k{k}-{m}`": (k, m.upper()) for m in ("fdd", "tdd") for k in (3, 5, 7, 10)},
+    **{f"`multi/m{m}-k10-fdd`": (10, f"{m} AUVs, FDD") for m in (2, 3)},
+    **{
+        f"`random/k{k}-{m}`, 20 layouts": (k, f"random {m.upper()}")
+        for m in ("fdd", "tdd")
+        for k in (3, 5, 7, 10)
+    },
+}
+
+
+def gap_row(made, label):
+    """A row of the page's table: bound, planner, PPO and its gaps."""
+    place, family = GAPS[label]
+    bound, planner, ppo = (
+        made.measured(f"{name}, {family}", place, "mean_aoi")
+        for name in ("bound", "planner", "PPO")
+    )
+    gaps = gaps_of(made, f"bound, {family}", f"PPO, {family}", place)
+    cells = [label, rounded_down(bound.mean, 3), f"{planner.mean:.2f}"]
+    cells += [f"{np.median(ppo.samples):.2f}"]
+    cells += [spread.text() for spread in (gaps.above_bound, gaps.above_best_known)]
+    return f"| {' | '.join(cells)} |"
+
+
+@pytest.mark.parametrize("label", GAPS)
+def test_the_table_of_gaps_is_of_the_results(label):
+    made = read_results(DOCS / "gap" / "results.json")
+    assert gap_row(made, label) in (DOCS / "gap.md").read_text(encoding="utf-8")
+
+
+#: Worlds of the study of fairness.
+FRONTS = [f"best/k{k}-{m}" for m in ("fdd", "tdd") for k in (3, 10)]
+
+
+def front_row(made, world):
+    """A row of the page's table: both ends of the front of a world."""
+    section = front_section(made)
+    title = f"Pareto front: {world}"
+    rows = next(item for item in section.items if item.title == title).rows
+    ends = [f"{row[0]} | {row[3]} | {row[2]}" for row in (rows[0], rows[-1])]
+    return f"| `{world}` | {' | '.join(ends)} |"
+
+
+@pytest.mark.parametrize("world", FRONTS)
+def test_the_table_of_fronts_is_of_the_results(world):
+    made = read_results(DOCS / "fairness" / "results.json")
+    assert front_row(made, world) in (DOCS / "gap.md").read_text(encoding="utf-8")
+
+
+def test_the_table_of_the_readme_is_of_the_results():
+    made = read_results(DOCS / "gap" / "results.json")
+    text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
+    assert all(gap_row(made, label) in text for label in GAPS if "random" not in label)

@@ -174,9 +174,9 @@ def test_fronts_are_drawn_world_by_world_and_tell_what_p1_prefers():
     assert not front_section(made).items
     section = front_section(made.model_copy(update={"front": True}))
     first, second = items(section, Plot)
-    assert [line.name for line in first.lines] == ["w = 0", "w = 9", "Pareto front"]
-    assert (first.lines[-1].x, first.lines[-1].y) == ((0.9, 1.0), (4.0, 5.0))
-    assert [line.name for line in second.lines] == ["w = 0", "Pareto front"]
+    assert [line.name for line in first.lines] == ["Pareto front", "w = 0", "w = 9"]
+    assert (first.lines[0].x, first.lines[0].y) == ((0.9, 1.0), (4.0, 5.0))
+    assert [line.name for line in second.lines] == ["Pareto front", "w = 0"]
     table = items(section, Table)[0]
     assert table.rows == (
         ("w = 0", "0", "0.9000", "4.00", "0.4000"),
