@@ -62,12 +62,13 @@ def front_section(results: Results) -> Section:
         points = [
             Point(series, r.seed, r.mean("jain"), r.mean("mean_aoi")) for series, r in records
         ]
+        front = pareto_front(points)
         name = records[0][1].scenario
         if names[name] > 1:
             name = f"{name}, world {world}"
         items += [
-            _figure(results, f"front-{number}", name, points),
-            _table(results, f"front-table-{number}", name, points),
+            _figure(results, f"front-{number}", name, points, front),
+            _table(results, f"front-table-{number}", name, front),
         ]
         told.append(_degeneracy(name, points))
     return Section(
@@ -101,9 +102,10 @@ def _told(point: Point) -> str:
     )
 
 
-def _figure(results: Results, key: str, world: str, points: Sequence[Point]) -> Plot:
+def _figure(
+    results: Results, key: str, world: str, points: Sequence[Point], front: Sequence[Point]
+) -> Plot:
     names = list(dict.fromkeys(point.series for point in points))
-    front = pareto_front(points)
     hues = [colour for colour in range(len(COLOURS)) if colour != GREY]  # which is the front's
     lines = [
         Line(
@@ -136,8 +138,7 @@ def _figure(results: Results, key: str, world: str, points: Sequence[Point]) -> 
     )
 
 
-def _table(results: Results, key: str, world: str, points: Sequence[Point]) -> Table:
-    front = pareto_front(points)
+def _table(results: Results, key: str, world: str, front: Sequence[Point]) -> Table:
     rows = [
         (
             point.series,

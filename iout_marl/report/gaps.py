@@ -124,20 +124,20 @@ def gap_section(results: Results) -> Section:
 
 def gap_lead(results: Results) -> list[str]:
     """How near the trained policies come, a sentence for each series of them and of bounds."""
-    sentences = []
-    by_bound = list(_by_bound(results))
-    for bound, found in by_bound:
+    told: dict[str, list[tuple[str, list[Gaps]]]] = {}
+    for bound, found in _by_bound(results):
         for name in dict.fromkeys(gaps.series for gaps in found):
             own = [gaps for gaps in found if gaps.series == name]
             trained = any(record.training for record in results.records(name))
             if trained and len(own) == len(results.places(name)):
-                is_only = sum(name in {g.series for g in other} for _, other in by_bound) == 1
-                sentences.append(
-                    f"{name}: {_extent([g.above_bound.median for g in own])} above the "
-                    f"{'certified bound' if is_only else bound}, "
-                    f"{_extent([g.above_best_known.median for g in own])} above the best known."
-                )
-    return sentences
+                told.setdefault(name, []).append((bound, own))
+    return [
+        f"{name}: {_extent([g.above_bound.median for g in own])} above the "
+        f"{bound if len(bounds) > 1 else 'certified bound'}, "
+        f"{_extent([g.above_best_known.median for g in own])} above the best known."
+        for name, bounds in told.items()
+        for bound, own in bounds
+    ]
 
 
 def _extent(values: Sequence[float]) -> str:

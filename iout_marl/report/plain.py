@@ -39,20 +39,16 @@ def plain_report(results: Results) -> Report:
             f"{results.axis.label} = {place_text(best[2])}."
         )
     lead += gap_lead(results)
+    figures = [
+        metric_figure(results, metric + number, title + of_what, metric, names)
+        for metric, title in FIGURES
+        for number, of_what, names in _families(results.series)
+    ]
     overview = Section(
         key="overview",
         title="Series over the axis",
         items=(
-            *(
-                figure
-                for metric, title in FIGURES
-                for number, of_what, names in _families(results.series)
-                if (
-                    figure := metric_figure(
-                        results, metric + number, title + of_what, metric, names
-                    )
-                ).lines
-            ),
+            *(figure for figure in figures if figure.lines),
             metrics_table(results, "metrics", "All series", results.series),
         ),
     )

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from iout_marl.errors import InputError
-from iout_marl.scenario import RandomNodes, Scenario, load_scenario
+from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.scenario.layers import Layer, overrides_layer
 from iout_marl.study.schema import BOUND, PLANNER, TRAINED, Group, Quick, Settings, Study
-from iout_marl.world import WORLD_VERSION
+from iout_marl.world import WORLD_VERSION, draws_layout_once
 
 #: Environment steps that are trained in a second, and in the time of a planner's round, about.
 STEPS_PER_SECOND, STEPS_PER_ROUND = 2e5, 4e5
@@ -103,13 +103,13 @@ def expand(
     if not cells:
         where = layer.origin(("quick",) if quick else ("groups",))
         raise InputError(f"{where}: the study has no cell" + (" left by --quick" if quick else ""))
-    for name in dict.fromkeys(cell.series for cell in cells):
-        own = [cell for cell in cells if cell.series == name]
-        if len({cell.policy == BOUND for cell in own}) > 1:
-            where = layer.origin(("groups", own[0].group, "series"))
+    bounds = {cell.series for cell in cells if cell.policy == BOUND}
+    for cell in cells:
+        if cell.series in bounds and cell.policy != BOUND:
+            where = layer.origin(("groups", cell.group, "series"))
             raise InputError(
-                f"{where}: groups.{own[0].group}: the series {name!r} has bounds and policies; "
-                "tell them apart in `series` by {policy}"
+                f"{where}: groups.{cell.group}: the series {cell.series!r} has bounds and "
+                "policies; tell them apart in `series` by {policy}"
             )
     places = Counter((cell.series, cell.axis, cell.seed) for cell in cells)
     for cell in cells:
@@ -139,7 +139,7 @@ def _expand_group(
             raise InputError(f"{where}: groups.{name}: {error}") from None
         axis = _axis(scenario, study, layer)
         for policy, seed in itertools.product(group.policies, group.seeds[: short.seeds]):
-            if policy == BOUND and seed != group.seeds[0] and not _draws_layout(scenario):
+            if policy == BOUND and seed != group.seeds[0] and not draws_layout_once(scenario):
                 continue  # one bound holds for all
             series = _series(group, where, name, {"policy": policy, "variant": variant, **point})
             yield Cell(
@@ -153,11 +153,6 @@ def _expand_group(
                 planner_rounds=rounds if policy == PLANNER else None,
                 bound_seconds=seconds if policy == BOUND else None,
             )
-
-
-def _draws_layout(scenario: Scenario) -> bool:
-    """Whether the nodes of a run lie where its seed puts them."""
-    return isinstance(scenario.nodes, RandomNodes) and scenario.nodes.redraw == "run"
 
 
 def _grid(group: Group) -> Iterator[Settings]:

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from iout_marl.bounds import USUAL_SECONDS
 from iout_marl.errors import did_you_mean
-from iout_marl.policies import UNTRAINED
+from iout_marl.policies import UNTRAINED, PlannerPolicy
 from iout_marl.scenario.fields import Count, NonNegative, Section, invalid
 from iout_marl.scenario.layers import Layer, read_file
 from iout_marl.scenario.loading import validate
@@ -18,7 +18,7 @@ from iout_marl.scenario.sources import find_study
 #: The policy that is trained, by the scenario's `training` section.
 TRAINED = "ppo"
 #: The policy that searches as long as it may.
-PLANNER = "planner"
+PLANNER = PlannerPolicy.name
 #: What stands where a policy does, and is the mean AoI that none can beat.
 BOUND = "bound"
 POLICIES = (*UNTRAINED, TRAINED, BOUND)

@@ -2,7 +2,12 @@
 
 from iout_marl.world.channel import Channel
 from iout_marl.world.grid import Grid
-from iout_marl.world.placement import node_codes, pin_layout, redraws_every_episode
+from iout_marl.world.placement import (
+    draws_layout_once,
+    node_codes,
+    pin_layout,
+    redraws_every_episode,
+)
 from iout_marl.world.state import Events, State
 from iout_marl.world.world import WORLD_VERSION, World
 
@@ -13,6 +18,7 @@ __all__ = [
     "Grid",
     "State",
     "World",
+    "draws_layout_once",
     "node_codes",
     "pin_layout",
     "redraws_every_episode",

@@ -63,16 +63,20 @@ def redraws_every_episode(scenario: Scenario) -> bool:
     return isinstance(scenario.nodes, RandomNodes) and scenario.nodes.redraw == "episode"
 
 
+def draws_layout_once(scenario: Scenario) -> bool:
+    """Whether the nodes of a run lie where its seed puts them."""
+    return isinstance(scenario.nodes, RandomNodes) and scenario.nodes.redraw == "run"
+
+
 def pin_layout(scenario: Scenario, seed: int) -> Scenario:
     """The scenario with a layout that is drawn once for a run drawn and written into it.
 
     Other scenarios come back as they are. A run pins its scenario by its seed before
     it starts, so that whatever reads the run later finds the nodes where they were.
     """
-    nodes = scenario.nodes
-    if not isinstance(nodes, RandomNodes) or nodes.redraw != "run":
+    if not draws_layout_once(scenario):
         return scenario
-    grid = Grid(scenario.grid.cells)
-    cells = draw_cells(grid, nodes.count, np.random.default_rng(seed)) + 1
+    nodes, grid = scenario.nodes, Grid(scenario.grid.cells)
+    cells = draw_cells(grid, scenario.num_nodes, np.random.default_rng(seed)) + 1
     fixed = FixedNodes(cells=tuple(map(tuple, cells.tolist())), weights=nodes.weights)
     return scenario.model_copy(update={"nodes": fixed})

@@ -65,14 +65,14 @@ class MeanAge:
         share = self._credit.share
         terms = {"age": share(-self._age(state), lambda age, _: -self._age.of(age), state)}
         if self._fairness_weight:
-            terms["fairness"] = share(self._unfairness(state.jain), self._unfairness_of, state)
+            terms["fairness"] = share(self._fairness(state.jain), self._fairness_of, state)
         return terms
 
-    def _unfairness(self, jain: Array) -> Array:
+    def _fairness(self, jain: Array) -> Array:
         return self._fairness_weight * (jain - 1)
 
-    def _unfairness_of(self, age: Array, deliveries: Array) -> Array:  # noqa: ARG002
-        return self._unfairness(jain_of(self._xp, deliveries, self._num_nodes))
+    def _fairness_of(self, age: Array, deliveries: Array) -> Array:  # noqa: ARG002
+        return self._fairness(jain_of(self._xp, deliveries, self._num_nodes))
 
 
 class Paper:
