@@ -9,7 +9,7 @@ not matter. How uplinks to several AUVs share the band is a part, chosen by
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -149,14 +149,10 @@ class Interference(_ToOneReceiver):
         return Uplinks(sending, xp.where(sending, required_j * factor, self._zero))
 
     def _least_factors(self, coupling: Array, sending: Array, quiet: Array) -> tuple[Array, Array]:
-        """y of every AUV's uplink, and whether it solves the system, (envs, auvs) each."""
-        xp = self._xp
+        """y of every AUV's uplink, (envs, auvs), and whether there is one, (envs, 1)."""
         both = sending[:, :, None] & sending[:, None, :]
-        matrix = self._identity - xp.where(both, coupling, self._zero)
-        singular = (xp.linalg.det(matrix) == 0)[:, None]
-        matrix = xp.where(singular[..., None], self._identity, matrix)
-        factor = xp.linalg.solve(matrix, quiet[..., None])[..., 0]
-        return factor, (factor > 0) & ~singular
+        matrix = self._identity - self._xp.where(both, coupling, self._zero)
+        return positive_solution(self._xp, matrix, quiet)
 
     def _disturbance(self, request: Request, split: Split) -> Array:
         """D: what AUVs that charge longer than another listens for add to its noise."""
@@ -167,6 +163,40 @@ class Interference(_ToOneReceiver):
         louder = self._disturbance_w / link.at(link.power_per_snr_w, between)
         overlaps = split.beta[:, None, :] > split.beta[:, :, None]
         return xp.sum(xp.where(overlaps, louder, self._zero), axis=2)
+
+
+def positive_solution(xp: Any, matrix: Array, right: Array) -> tuple[Array, Array]:
+    """The y > 0 of A y = b for b > 0, where A has nothing positive beside its diagonal.
+
+    By elimination without a change of rows: all pivots are positive if and only if there is
+    such a y (Berman and Plemmons, 1994, ch. 6), and beside them no sum cancels. A library's
+    solver would stop an accelerator to tell whether A is singular.
+
+    Args:
+        xp: array namespace.
+        matrix: (…, n, n) A.
+        right: (…, n) b.
+
+    Returns:
+        (…, n) y, and whether there is one, (…, 1).
+    """
+
+    def divisor(pivot: Array) -> Array:
+        return xp.where(pivot > 0, pivot, xp.ones_like(pivot))
+
+    rows = []
+    for _ in range(matrix.shape[-1]):
+        pivot, row, of_row = matrix[..., :1, 0], matrix[..., 0, 1:], right[..., :1]
+        rows.append((pivot, row, of_row))
+        share = matrix[..., 1:, 0] / divisor(pivot)
+        right = right[..., 1:] - share * of_row
+        matrix = matrix[..., 1:, 1:] - share[..., None] * row[..., None, :]
+    solution = right
+    for pivot, row, of_row in reversed(rows):
+        known = xp.sum(row * solution, axis=-1, keepdims=True)
+        solution = xp.concat([(of_row - known) / divisor(pivot), solution], axis=-1)
+    pivots = xp.concat([pivot for pivot, _, _ in rows], axis=-1)
+    return solution, xp.all(pivots > 0, axis=-1, keepdims=True)
 
 
 #: The parts for the shared band, by `channel.access`.

@@ -10,6 +10,7 @@ from test_world_laws import ACCESS, NAMES, draw_actions, play
 
 from iout_marl.scenario import load_scenario
 from iout_marl.world import World
+from iout_marl.world.uplink import positive_solution
 
 #: Four AUVs near one another and the nodes, so that uplinks disturb one another.
 STARTS = [[5, 5, 2], [4, 6, 2], [6, 4, 3], [7, 7, 1]]
@@ -147,6 +148,21 @@ def crossing(access, stored_j, auvs=3, **changes):
     state = world.reset(layout)._replace(energy_j=np.array([[*stored_j, 0.0]]))
     actions = np.array([[[0, 0, 0], [1, 1, 1], [0, 2, 2]][:auvs]])
     return world.step(state, actions)[1]
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 5])
+def test_powers_can_be_met_where_what_each_adds_to_the_others_dies_away(size):
+    rng = np.random.default_rng(size)
+    coupling = rng.uniform(0, 2 / max(size - 1, 1), (2000, size, size)) * (1 - np.eye(size))
+    matrix, right = np.eye(size) - coupling, rng.uniform(0.1, 2.0, (2000, size))
+    solution, solvable = positive_solution(np, matrix, right)
+    radius = np.abs(np.linalg.eigvals(coupling)).max(-1)
+    np.testing.assert_array_equal(solvable[:, 0], radius < 1)
+    assert size == 1 or 0.1 < solvable.mean() < 0.9
+    met = solvable[:, 0]
+    expected = np.linalg.solve(matrix, right[..., None])[..., 0]
+    np.testing.assert_allclose(solution[met], expected[met], rtol=1e-8)
+    assert (solution[met] > 0).all()
 
 
 @pytest.mark.parametrize("loud", [{}, {"uplink.packet_bits": 60000}])
