@@ -52,9 +52,11 @@ def single(scenario: str, episodes: int = 20) -> float:
     """One ParallelEnv."""
     env = iout_v0.parallel_env(scenario)
     env.reset(seed=0)
-    slots = env.scenario.num_slots
-    sizes = tuple(env.action_space("auv_0").nvec)
-    actions = [{"auv_0": a} for a in _actions(sizes, slots)]
+    slots, agents = env.scenario.num_slots, env.possible_agents
+    sizes = tuple(env.action_space(agents[0]).nvec)
+    actions = [
+        dict(zip(agents, rows, strict=True)) for rows in _actions(sizes, slots, len(agents))
+    ]
     started = time.perf_counter()
     for _ in range(episodes):
         env.reset()
@@ -211,6 +213,7 @@ def main() -> None:
     #: By name: how fast it is, and why it can not run, if so.
     subjects: dict[str, tuple[Callable[[str], float], str | None]] = {
         "ParallelEnv": (single, None),
+        "ParallelEnv, multi/m3-k10-fdd": (lambda _: single("multi/m3-k10-fdd"), None),
         "SuperSuit x 16": (supersuit_copies, None),
         "VectorEnv x 4096": (vector_env, None),
         "World x 4096, NumPy": (batched_world(np), None),

@@ -15,12 +15,14 @@ import numpy.typing as npt
 from gymnasium import spaces
 
 from iout_marl.envs.maskable import MaskableMultiDiscrete
+from iout_marl.envs.play import BatchedPlay, Play, UnrolledPlay
 from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import Events, State, World, node_codes, redraws_every_episode
 from iout_marl.world.actions import ActionCheck
 from iout_marl.world.observation import Ranges
+from iout_marl.world.unrolled import UnrolledSlot, pays_unrolled
 
 #: Of a slot and an environment, by name: see `Episodes.info`.
 INFO_KEYS = (
@@ -49,7 +51,7 @@ class Episodes:
         render_mode: one of `RENDER_MODES`, or None.
 
     Attributes:
-        world, state: the world and where it is; the state is None before the first reset.
+        world: the world.
         observation_space, action_space: of one AUV.
         state_space: of the vector for central critics.
 
@@ -66,8 +68,8 @@ class Episodes:
         self.scenario = load_scenario(scenario)
         self.world = World(self.scenario, num_envs)
         self._num_envs = num_envs
-        self.state: State | None = None
-        self.events: Events | None = None
+        self._play: Play | None = None
+        self._unrolled: UnrolledSlot | None = None
         self.mask_place = self.scenario.observation.action_mask
         self._sizes = np.array(self.world.action_sizes)
         self._check = ActionCheck(num_envs, self.world.num_auvs, self.world.action_sizes)
@@ -84,13 +86,25 @@ class Episodes:
         self._layout: npt.NDArray[np.int64] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "world"}
+        # A world holds its array library, which can not be copied, nor can what is made of
+        # it; but they hold nothing that changes, either.
+        state = {**vars(self), "world": None, "_unrolled": None, "_play": None}
+        return state | {"_played": self._play and (self._play.state, self._play.events)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # A world holds its array library, and no module can be copied; but it holds
-        # nothing that changes, either.
+        played = state.pop("_played")
         vars(self).update(state)
         self.world = World(self.scenario, self._num_envs)
+        if played:
+            self._play = self._play_from(*played)
+
+    def _play_from(self, state: State, events: Events | None = None) -> Play:
+        if self._num_envs > 1 or not pays_unrolled(self.scenario):
+            return BatchedPlay(self.world, state, events)
+        if self._unrolled is None:
+            with_mask = self.mask_place != "none"
+            self._unrolled = UnrolledSlot(self.scenario, state, with_mask=with_mask)
+        return UnrolledPlay(self._unrolled, self.world, state, events)
 
     def reset(self, seeds: Sequence[int | None] | None = None) -> None:
         """Start the next episode of every environment.
@@ -113,8 +127,7 @@ class Episodes:
             self._layout[reseeded] = node_codes(
                 self.scenario, self.world.grid, [self._rngs[i] for i in reseeded]
             )
-        self.state = self.world.reset(self._layout)
-        self.events = None
+        self._play = self._play_from(self.world.reset(self._layout))
         self._show()
 
     def action_space_for(self, num_auvs: int) -> spaces.MultiDiscrete:
@@ -134,9 +147,13 @@ class Episodes:
         Raises:
             RuntimeError: before the first reset.
         """
-        if self.state is None:
+        return self._playing.state
+
+    @property
+    def _playing(self) -> Play:
+        if self._play is None:
             raise RuntimeError("call reset() first")
-        return self.state
+        return self._play
 
     def step(self, action: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """One slot of every environment.
@@ -151,28 +168,30 @@ class Episodes:
             ValueError: an action lies outside its space.
             RuntimeError: the episode is over, or has not begun.
         """
-        state = self.current
+        play = self._playing
         if self.is_over:
             raise RuntimeError("the episode is over: call reset() first")
-        world = self.world
-        self.state, self.events = world.step(state, self._check(action))
+        reward = play.step(self._check(action))
         self._show()
-        reward: npt.NDArray[np.float64] = world.reward(self.state, self.events)
         return reward
 
     @property
     def is_over(self) -> bool:
         """Whether the episodes have reached their time limit."""
-        return int(self.current.slot.item(0)) >= self.world.num_slots
+        return self._slot >= self.world.num_slots
+
+    @property
+    def _slot(self) -> int:
+        """How many slots are over."""
+        return int(self._playing.now("slot").item(0))
 
     def observe(self) -> FloatArray:
         """(envs, auvs, entries) observations, without masks; a fresh array each time."""
-        return self.world.observe(self.current).astype(np.float32, order="C")
+        return self._playing.observe()
 
     def masks(self) -> npt.NDArray[np.int8]:
         """(envs, auvs, choices): 1 for each sensible choice."""
-        masks: npt.NDArray[np.int8] = self.world.action_mask(self.current).astype(np.int8)
-        return masks
+        return self._playing.masks()
 
     def observe_globally(self) -> FloatArray:
         """(envs, entries): the vectors for central critics."""
@@ -188,33 +207,34 @@ class Episodes:
         `harvested_j`, the energy that it brought to a node; `delivered`, 1 if it received
         a packet; `beta` (0 in FDD). Before the first slot these are 0.
         """
-        state, events = self.current, self.events
+        now, slot = self._playing.now, self._slot
         none = np.zeros((self.world.num_envs, self.world.num_auvs))
+        last = self._playing.last if slot else lambda _: none
         return {
-            "mean_aoi": state.mean_age,
-            "time_mean_aoi": state.age_sum / state.slot if events else state.mean_age,
-            "peak_aoi": state.peak_age,
-            "jain": state.jain,
-            "harvested_j": events.harvested_j if events else none,
-            "total_harvested_j": state.harvested_j,
-            "total_spent_j": state.spent_j,
-            "delivered": events.delivered if events else none,
-            "beta": events.beta if events else none,
-            "age_violations": state.capped_ages,
+            "mean_aoi": now("mean_age"),
+            "time_mean_aoi": now("age_sum") / slot if slot else now("mean_age"),
+            "peak_aoi": now("peak_age"),
+            "jain": now("jain"),
+            "harvested_j": last("harvested_j"),
+            "total_harvested_j": now("harvested_j"),
+            "total_spent_j": now("spent_j"),
+            "delivered": last("delivered"),
+            "beta": last("beta"),
+            "age_violations": now("capped_ages"),
         }
 
     def render(self, env: int = 0) -> str | npt.NDArray[np.uint8] | None:
         """The picture that `render_mode` names: text, (height, width, 3) pixels, or None."""
         if self.render_mode in (None, "human"):
             return None
-        snapshot = Snapshot.of(self.world, self.current, self.events, env)
+        snapshot = Snapshot.of(self.world, self.current, self._playing.events, env)
         return as_text(snapshot) if self.render_mode == "ansi" else as_picture(snapshot)
 
     def _show(self) -> None:
         """In mode `human`, print every environment to the terminal."""
         if self.render_mode == "human":
             for env in range(self.world.num_envs):
-                text = as_text(Snapshot.of(self.world, self.current, self.events, env))
+                text = as_text(Snapshot.of(self.world, self.current, self._playing.events, env))
                 sys.stdout.write(f"{text}\n")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any
 
 import array_api_compat
@@ -29,9 +30,10 @@ class Backend:
     @classmethod
     def of(cls, library: Any = np, dtype: str = "float64", device: Any = None) -> Backend:
         """A backend from a library such as `numpy` or `torch`, or any namespace of the standard."""
-        sample = library.zeros(1) if hasattr(library, "zeros") else library.asarray([0.0])
         # NumPy 2 follows the standard by itself: without the wrapper, steps cost less.
-        xp = np if library is np else array_api_compat.array_namespace(sample)
+        xp = library
+        if isinstance(library, ModuleType) and library is not np:
+            xp = array_api_compat.array_namespace(library.asarray([0.0]))
         return cls(xp, getattr(xp, dtype), device)
 
     def floats(self, values: Any) -> Array:

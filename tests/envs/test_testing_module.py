@@ -492,13 +492,23 @@ def test_change_of_what_was_handed_out_is_found(broken):
     )
 
 
-class HandsOutItsAges(AUVParallelEnv):
-    """An info is an array of the state itself."""
+class HandsOutItsCount(AUVParallelEnv):
+    """An info is the very array that the next reward is made of."""
+
+    def reset(self, seed=None, options=None):
+        self.count = np.zeros(1)
+        return super().reset(seed, options)
+
+    def step(self, actions):
+        self.count = self.count + 1
+        returned = super().step(actions)
+        returned[1]["auv_0"] += self.count.item()
+        return returned
 
     def _infos(self):
         infos = super()._infos()
         for info in infos.values():
-            info["ages"] = self._episodes.current.age[0]
+            info["count"] = self.count
         return infos
 
 
@@ -550,7 +560,7 @@ class HandsOutItsAgents(AUVParallelEnv):
 @pytest.mark.parametrize(
     ("broken", "message"),
     [
-        (HandsOutItsAges, "writing into what was handed out"),
+        (HandsOutItsCount, "writing into what was handed out"),
         (RemembersActions, "writing into what was handed out"),
         (RemembersObservations, "writing into what was handed out"),
         (HandsOutItsAgents, "the environment has lost its agents"),

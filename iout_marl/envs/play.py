@@ -1,0 +1,124 @@
+"""How episodes are played: those of a batch by arrays, a single one number by number."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.world import Events, State, World
+from iout_marl.world.unrolled import Numbers, UnrolledSlot
+
+
+class Play(Protocol):
+    """Episodes in the course of being played."""
+
+    @property
+    def state(self) -> State:
+        """Where they are."""
+        ...
+
+    @property
+    def events(self) -> Events | None:
+        """What happened in the last slot; None before the first one."""
+        ...
+
+    def step(self, action: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        """One slot; (envs, auvs) rewards for (envs, auvs, entries) actions."""
+        ...
+
+    def observe(self) -> npt.NDArray[np.float32]:
+        """(envs, auvs, entries) observations, in a fresh array."""
+        ...
+
+    def masks(self) -> npt.NDArray[np.int8]:
+        """(envs, auvs, choices): 1 for each sensible choice."""
+        ...
+
+    def now(self, name: str) -> npt.NDArray[Any]:
+        """An (envs,) array of the state, by name."""
+        ...
+
+    def last(self, name: str) -> npt.NDArray[Any]:
+        """An (envs, auvs) array of the events, by name."""
+        ...
+
+
+class BatchedPlay:
+    """Any number of episodes, by arrays."""
+
+    def __init__(self, world: World, state: State, events: Events | None) -> None:
+        self._world = world
+        self.state, self.events = state, events
+
+    def step(self, action: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        self.state, self.events = self._world.step(self.state, action)
+        reward: npt.NDArray[np.float64] = self._world.reward(self.state, self.events)
+        return reward
+
+    def observe(self) -> npt.NDArray[np.float32]:
+        return self._world.observe(self.state).astype(np.float32, order="C")
+
+    def masks(self) -> npt.NDArray[np.int8]:
+        masks: npt.NDArray[np.int8] = self._world.action_mask(self.state).astype(np.int8)
+        return masks
+
+    def now(self, name: str) -> npt.NDArray[Any]:
+        array: npt.NDArray[Any] = getattr(self.state, name)
+        return array
+
+    def last(self, name: str) -> npt.NDArray[Any]:
+        array: npt.NDArray[Any] = getattr(self.events, name)
+        return array
+
+
+class UnrolledPlay:
+    """A single episode, number by number; arrays are made of what is asked for."""
+
+    def __init__(
+        self, slot: UnrolledSlot, world: World, state: State, events: Events | None
+    ) -> None:
+        self._slot = slot
+        self._world = world
+        self._state: State | None = state
+        self._events = events
+        self._now: Numbers = slot.numbers(state)
+        self._last: Numbers = () if events is None else slot.numbers(events)
+        #: Observations and masks; at first nobody has reckoned them.
+        self._seen: tuple[Numbers, Numbers] | None = None
+
+    @property
+    def state(self) -> State:
+        if self._state is None:
+            self._state = self._slot.state(self._now)
+        return self._state
+
+    @property
+    def events(self) -> Events | None:
+        if self._events is None and self._last:
+            self._events = self._slot.events(self._last)
+        return self._events
+
+    def step(self, action: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        self._now, self._last, rewards, *seen = self._slot(self._now, action.ravel().tolist())
+        self._seen = (seen[0], seen[1])
+        self._state = self._events = None
+        return np.array([rewards])
+
+    def observe(self) -> npt.NDArray[np.float32]:
+        if self._seen is None:
+            return self._world.observe(self.state).astype(np.float32, order="C")
+        return np.array(self._seen[0], dtype=np.float32).reshape(1, self._world.num_auvs, -1)
+
+    def masks(self) -> npt.NDArray[np.int8]:
+        if self._seen is None:
+            return self._world.action_mask(self.state).astype(np.int8)
+        return np.array(self._seen[1], dtype=np.int8).reshape(1, self._world.num_auvs, -1)
+
+    def now(self, name: str) -> npt.NDArray[Any]:
+        return np.array([self._now[self._slot.state_begins[name]]])
+
+    def last(self, name: str) -> npt.NDArray[Any]:
+        begin = self._slot.events_begin[name]
+        return np.array([self._last[begin : begin + self._world.num_auvs]])

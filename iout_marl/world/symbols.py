@@ -1,0 +1,437 @@
+"""Numbers that are not known yet, in arrays: an array library that writes down what it does.
+
+What the world does to arrays of `SymbolArray` becomes the lines of a Python function, one for
+each operation on each number. Of the array API standard there is what the world asks for; what
+only builds tables of known numbers is left to NumPy.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import operator
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+#: Types of numbers, the widest last.
+_KINDS = (bool, int, float)
+_KIND_OF = {"b": bool, "i": int, "u": int, "f": float}
+
+
+class UnknownOperationError(Exception):
+    """An operation that is not written down for symbols."""
+
+
+class Symbol:
+    """A number that is not known yet: a name in a program."""
+
+    __slots__ = ("name", "program")
+
+    def __init__(self, program: Program, name: str) -> None:
+        self.program = program
+        self.name = name
+
+
+class Program:
+    """The lines that lead from parameters to results."""
+
+    def __init__(self) -> None:
+        #: By expression: the symbol that stands for it, and the symbols in it.
+        self._lines: dict[str, tuple[Symbol, list[Symbol]]] = {}
+        self._tables: dict[Any, tuple[str, npt.NDArray[Any]]] = {}
+
+    def parameters(self, name: str, array: npt.NDArray[Any]) -> SymbolArray:
+        """Symbols in the place of an array's numbers, called by a name and their number."""
+        values = np.empty(array.size, dtype=object)
+        for i in range(array.size):
+            values[i] = Symbol(self, f"{name}_{i}")
+        return SymbolArray(values.reshape(array.shape), _KIND_OF[array.dtype.kind])
+
+    def line(self, form: str, *operands: Any) -> Symbol:
+        """The value of an expression, a form with operands in its braces.
+
+        The same expression gives the same symbol.
+        """
+        expression = form.format(*(_source(each) for each in operands))
+        if expression not in self._lines:
+            symbol = Symbol(self, f"v{len(self._lines)}")
+            self._lines[expression] = symbol, [o for o in operands if isinstance(o, Symbol)]
+        return self._lines[expression][0]
+
+    def table(self, values: npt.NDArray[Any]) -> str:
+        """The name of a table of known numbers."""
+        place = (values.__array_interface__["data"], values.shape, values.dtype)
+        # Kept along with its array, whose place in memory no other one can take then.
+        name, _ = self._tables.setdefault(place, (f"table_{len(self._tables)}", values))
+        return name
+
+    def function(
+        self, parameters: Sequence[Sequence[Any]], results: Sequence[Sequence[Any]]
+    ) -> Callable[..., Any]:
+        """A function from a tuple of numbers for each of the parameters to one for each result.
+
+        Lines that no result needs are left out.
+        """
+        names = [f"parameter_{i}" for i in range(len(parameters))]
+        taken = [f"{_tuple(p)} = {n}" for n, p in zip(names, parameters, strict=True) if len(p)]
+        needed = {id(each) for result in results for each in result}
+        lines = []
+        for expression, (symbol, operands) in reversed(self._lines.items()):
+            if id(symbol) in needed:
+                needed.update(id(operand) for operand in operands)
+                lines.append(f"{symbol.name} = {expression}")
+        body = [*taken, *reversed(lines), f"return {', '.join(map(_tuple, results))}"]
+        source = "\n    ".join([f"def function({', '.join(names)}):", *body])
+        # Of a view of memory an entry is a plain number, and nothing is copied.
+        scope: dict[str, Any] = {name: table.data for name, table in self._tables.values()}
+        scope |= _CALLED
+        exec(source, scope)
+        function: Callable[..., Any] = scope["function"]
+        return function
+
+
+def _source(operand: Any) -> str:
+    if isinstance(operand, Symbol):
+        return operand.name
+    if isinstance(operand, np.generic):
+        operand = operand.item()
+    return operand if isinstance(operand, str) else f"({operand!r})"
+
+
+def _tuple(operands: Sequence[Any]) -> str:
+    return f"({''.join(f'{_source(each)}, ' for each in operands)})"
+
+
+# What NumPy does where Python would raise an error; its own exponential, to the last digit.
+
+
+def _divide(dividend: float, divisor: float) -> float:
+    with np.errstate(all="ignore"):
+        return float(np.float64(dividend) / np.float64(divisor))
+
+
+def _sqrt(value: float) -> float:
+    return math.nan if value < 0 else math.sqrt(value)
+
+
+def _expm1(value: float) -> float:
+    return float(np.expm1(value))
+
+
+#: What expressions call, or Python's way to write a number.
+_CALLED = {"inf": math.inf, "nan": math.nan, "divide": _divide, "sqrt": _sqrt, "expm1": _expm1}
+
+
+def _program_of(*operands: Any) -> Program | None:
+    return next((o.program for o in operands if isinstance(o, Symbol)), None)
+
+
+def _elementwise(
+    form: str, known: Callable[..., Any], neutral: Any = None
+) -> Callable[..., npt.NDArray[Any]]:
+    """A function of arrays of objects: a line for symbols, a result where all is known.
+
+    Args:
+        form: the line.
+        known: what it says, as a function.
+        neutral: a second (or first) operand that changes nothing.
+    """
+
+    def each(*operands: Any) -> Any:
+        program = _program_of(*operands)
+        if program is None:
+            return known(*operands)
+        if neutral is not None:
+            changing = [o for o in operands if isinstance(o, Symbol) or o != neutral]
+            if len(changing) == 1:
+                return changing[0]
+        return program.line(form, *operands)
+
+    def over_arrays(*arrays: Any) -> npt.NDArray[Any]:
+        ufunc = np.frompyfunc(each, len(arrays), 1)
+        return np.asarray(ufunc(*(np.asarray(a, dtype=object) for a in arrays)), dtype=object)
+
+    return over_arrays
+
+
+_add = _elementwise("{} + {}", operator.add)
+_add_integers = _elementwise("{} + {}", operator.add, neutral=0)
+_subtract = _elementwise("{} - {}", operator.sub)
+_multiply = _elementwise("{} * {}", operator.mul)
+_multiply_alike = _elementwise("{} * {}", operator.mul, neutral=1)
+_divided = _elementwise("{0} / {1} if {1} else divide({0}, {1})", _divide)
+_negated = _elementwise("-{}", operator.neg)
+_squared = _elementwise("{0} * {0}", lambda value: value * value)
+_and = _elementwise("{} and {}", lambda a, b: a and b, neutral=True)
+_or = _elementwise("{} or {}", lambda a, b: a or b, neutral=False)
+_not = _elementwise("not {}", operator.not_)
+_compared = {
+    sign: _elementwise(f"{{}} {sign} {{}}", function)
+    for sign, function in {
+        "<": operator.lt,
+        "<=": operator.le,
+        ">": operator.gt,
+        ">=": operator.ge,
+        "==": operator.eq,
+        "!=": operator.ne,
+    }.items()
+}
+_chosen = _elementwise("{1} if {0} else {2}", lambda flag, a, b: a if flag else b)
+_larger = _elementwise("{0} if {0} > {1} else {1}", max)
+_smaller = _elementwise("{0} if {0} < {1} else {1}", min)
+_to_float = {
+    bool: _elementwise("1.0 if {} else 0.0", float),
+    int: _elementwise("float({})", float),
+}
+_root = _elementwise("sqrt({})", _sqrt)
+_exponential_less_one = _elementwise("expm1({})", _expm1)
+
+
+def _kind(operand: Any) -> type:
+    if isinstance(operand, SymbolArray):
+        return operand.kind
+    return _KIND_OF[np.asarray(operand).dtype.kind]
+
+
+def _widest(*operands: Any) -> type:
+    return max((_kind(operand) for operand in operands), key=_KINDS.index)
+
+
+def _objects(operand: Any) -> Any:
+    return operand.values if isinstance(operand, SymbolArray) else operand
+
+
+class SymbolArray:
+    """An array of symbols and of known numbers, of one kind: bool, int or float."""
+
+    #: NumPy arrays leave operations with symbols to them.
+    __array_ufunc__ = None
+    device = None
+
+    def __init__(self, values: Any, kind: type) -> None:
+        self.values: npt.NDArray[Any] = np.asarray(values, dtype=object)
+        self.kind = kind
+
+    def __array_namespace__(self, api_version: str | None = None) -> Any:
+        return LIBRARY
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.values.shape
+
+    @property
+    def ndim(self) -> int:
+        return self.values.ndim
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return np.dtype(self.kind)
+
+    def __getitem__(self, key: Any) -> SymbolArray:
+        return SymbolArray(self.values[key], self.kind)
+
+    def __add__(self, other: Any) -> SymbolArray:
+        kind = _widest(self, other)
+        return _of(_add_integers if kind is int else _add, kind, self, other)
+
+    def __sub__(self, other: Any) -> SymbolArray:
+        return _of(_subtract, _widest(self, other), self, other)
+
+    def __rsub__(self, other: Any) -> SymbolArray:
+        return _of(_subtract, _widest(self, other), other, self)
+
+    def __mul__(self, other: Any) -> SymbolArray:
+        product = _multiply_alike if self.kind is _kind(other) else _multiply
+        return _of(product, _widest(self, other), self, other)
+
+    def __truediv__(self, other: Any) -> SymbolArray:
+        return _of(_divided, float, self, other)
+
+    def __rtruediv__(self, other: Any) -> SymbolArray:
+        return _of(_divided, float, other, self)
+
+    def __matmul__(self, other: Any) -> SymbolArray:
+        """With a vector."""
+        return _sum(self * other, -1)
+
+    def __rmatmul__(self, other: Any) -> SymbolArray:
+        """Of a matrix with this one, or with each of several."""
+        return _sum(self[..., None, :, :] * other[..., None], -2)
+
+    def __pow__(self, power: int) -> SymbolArray:
+        if power != 2:
+            raise UnknownOperationError(f"power {power}")
+        return _of(_squared, self.kind, self)
+
+    def __neg__(self) -> SymbolArray:
+        return _of(_negated, self.kind, self)
+
+    def __invert__(self) -> SymbolArray:
+        return _of(_not, bool, self)
+
+    def __and__(self, other: Any) -> SymbolArray:
+        return _of(_and, bool, self, other)
+
+    def __or__(self, other: Any) -> SymbolArray:
+        return _of(_or, bool, self, other)
+
+    def __lt__(self, other: Any) -> SymbolArray:
+        return _of(_compared["<"], bool, self, other)
+
+    def __le__(self, other: Any) -> SymbolArray:
+        return _of(_compared["<="], bool, self, other)
+
+    def __gt__(self, other: Any) -> SymbolArray:
+        return _of(_compared[">"], bool, self, other)
+
+    def __ge__(self, other: Any) -> SymbolArray:
+        return _of(_compared[">="], bool, self, other)
+
+    def __eq__(self, other: object) -> SymbolArray:  # type: ignore[override]
+        return _of(_compared["=="], bool, self, other)
+
+    def __ne__(self, other: object) -> SymbolArray:  # type: ignore[override]
+        return _of(_compared["!="], bool, self, other)
+
+    def __array__(self, *_: Any, **__: Any) -> Any:
+        raise UnknownOperationError("NumPy needs to know the numbers")
+
+    def __bool__(self) -> bool:
+        raise UnknownOperationError("a branch needs to know the number")
+
+    __float__ = __int__ = __index__ = __bool__
+    __hash__ = None  # type: ignore[assignment]
+    __radd__, __rmul__, __rand__, __ror__ = __add__, __mul__, __and__, __or__
+
+
+def _of(function: Callable[..., npt.NDArray[Any]], kind: type, *operands: Any) -> SymbolArray:
+    return SymbolArray(function(*(_objects(operand) for operand in operands)), kind)
+
+
+def _reduced(
+    function: Callable[..., npt.NDArray[Any]], values: SymbolArray, axis: int, *, keepdims: bool
+) -> SymbolArray:
+    parts = np.moveaxis(values.values, axis, 0)
+    result = functools.reduce(function, parts)
+    return SymbolArray(np.expand_dims(result, axis) if keepdims else result, values.kind)
+
+
+def _concat(arrays: Sequence[Any], axis: int = 0) -> SymbolArray:
+    parts = [np.asarray(_objects(a), dtype=object) for a in arrays]
+    return SymbolArray(np.concatenate(parts, axis=axis), _widest(*arrays))
+
+
+def _sum(values: SymbolArray, axis: int, *, keepdims: bool = False) -> SymbolArray:
+    if values.shape[axis] == 0:
+        return SymbolArray(np.sum(values.values, axis=axis, keepdims=keepdims), values.kind)
+    return _reduced(_add, values, axis, keepdims=keepdims)
+
+
+def _take(table: Any, index: Any) -> SymbolArray:
+    """Entries of a table, of which entries or indices, or both, are symbols."""
+
+    def each(i: Any) -> Any:
+        if not isinstance(i, Symbol):
+            return table[i]
+        if isinstance(table, SymbolArray):
+            form = "(" + "{}, " * len(table.values) + ")[{}]"
+            return i.program.line(form, *table.values, i)
+        return i.program.line("{}[{}]", i.program.table(table), i)
+
+    entries = np.frompyfunc(each, 1, 1)(np.asarray(_objects(index), dtype=object))
+    return SymbolArray(entries, _kind(table))
+
+
+def _index_add(values: Any, axis: int, index: SymbolArray, amount: SymbolArray) -> SymbolArray:
+    """The (entries) values, each with the amounts for its index; the only axis is 0."""
+    assert axis == 0
+    result = values.values.copy()
+    for i, more in zip(index.values, amount.values, strict=True):
+        for entry, value in enumerate(result):
+            result[entry] = i.program.line(
+                "{0} + {1} if {2} == {3} else {0}", value, more, i, entry
+            )
+    return SymbolArray(result, values.kind)
+
+
+def _argsort(values: SymbolArray, axis: int = -1) -> SymbolArray:
+    rows = np.moveaxis(values.values, axis, -1)
+    orders = np.empty(rows.shape, dtype=object)
+    for row in np.ndindex(rows.shape[:-1]):
+        count = rows.shape[-1]
+        form = "sorted(range({}), key=(" + "{}, " * count + ").__getitem__)"
+        program = _program_of(*rows[row])
+        assert program is not None
+        order = program.line(form, count, *rows[row])
+        for place in range(count):
+            orders[(*row, place)] = program.line("{}[{}]", order, place)
+    return SymbolArray(np.moveaxis(orders, -1, axis), int)
+
+
+def _where(flag: Any, first: Any, second: Any) -> SymbolArray:
+    return _of(_chosen, _widest(first, second), flag, first, second)
+
+
+def _astype(values: SymbolArray, dtype: Any) -> SymbolArray:
+    if np.dtype(dtype).kind != "f":
+        raise UnknownOperationError(f"conversion to {dtype}")
+    return values if values.kind is float else _of(_to_float[values.kind], float, values)
+
+
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "any": lambda a, axis, keepdims=False: _reduced(_or, a, axis, keepdims=keepdims),
+    "all": lambda a, axis, keepdims=False: _reduced(_and, a, axis, keepdims=keepdims),
+    "max": lambda a, axis, keepdims=False: _reduced(_larger, a, axis, keepdims=keepdims),
+    "min": lambda a, axis, keepdims=False: _reduced(_smaller, a, axis, keepdims=keepdims),
+    "sum": _sum,
+    "vecdot": lambda a, b: _sum(a * b, -1),
+    "maximum": lambda a, b: _of(_larger, _widest(a, b), a, b),
+    "minimum": lambda a, b: _of(_smaller, _widest(a, b), a, b),
+    "where": _where,
+    "isnan": lambda a: a != a,
+    "sqrt": lambda a: _of(_root, float, a),
+    "expm1": lambda a: _of(_exponential_less_one, float, a),
+    "concat": _concat,
+    "take": _take,
+    "index_add": _index_add,
+    "argsort": _argsort,
+    "astype": _astype,
+    "asarray": lambda a, **_: a,
+    "zeros_like": lambda a: np.zeros(a.shape, a.dtype),
+    "ones_like": lambda a, dtype=None: np.ones(a.shape, dtype or a.dtype),
+    "full_like": lambda a, value: np.full(a.shape, value, a.dtype),
+}
+
+
+def _moved(name: str) -> Callable[..., SymbolArray]:
+    """NumPy's function on the objects of an array, which only moves them."""
+    move = getattr(np, name)
+    return lambda a, *args, **kwargs: SymbolArray(move(a.values, *args, **kwargs), a.kind)
+
+
+class SymbolLibrary:
+    """The library: functions for symbols; NumPy's where every number is known."""
+
+    def __init__(self) -> None:
+        moving = ("reshape", "permute_dims", "matrix_transpose", "broadcast_to")
+        functions = _FUNCTIONS | {name: _moved(name) for name in moving}
+        vars(self).update({name: _either(own, name) for name, own in functions.items()})
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(np, name)
+
+
+def _either(for_symbols: Callable[..., Any], name: str) -> Callable[..., Any]:
+    def function(*args: Any, **kwargs: Any) -> Any:
+        given = [*args, *args[0]] if isinstance(args[0], list | tuple) else args
+        if any(isinstance(each, SymbolArray) for each in given):
+            return for_symbols(*args, **kwargs)
+        return getattr(np, name)(*args, **kwargs)
+
+    return function
+
+
+LIBRARY: Any = SymbolLibrary()
