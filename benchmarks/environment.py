@@ -54,9 +54,7 @@ def single(scenario: str, episodes: int = 20) -> float:
     env.reset(seed=0)
     slots, agents = env.scenario.num_slots, env.possible_agents
     sizes = tuple(env.action_space(agents[0]).nvec)
-    actions = [
-        dict(zip(agents, rows, strict=True)) for rows in _actions(sizes, slots, len(agents))
-    ]
+    actions = [dict(zip(agents, rows, strict=True)) for rows in _actions(sizes, slots, len(agents))]
     started = time.perf_counter()
     for _ in range(episodes):
         env.reset()

@@ -77,6 +77,8 @@ class VTrace(Trainer):
     def __init__(self, scenario: Scenario, seed: int) -> None:
         super().__init__(scenario, seed)
         settings = self.settings
+        assert settings.target_kl is None
+        assert not settings.mask_actions
         self._passes = settings.epochs
         self.settings = settings.model_copy(update={"epochs": 1})
         self.simulation: EndsKept = EndsKept(
@@ -240,6 +242,8 @@ class Mirrored(Trainer):
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
         super().__init__(scenario, seed)
+        assert self.settings.observation_scaling == "fixed"
+        assert not self.settings.mask_actions
         turns = symmetries(scenario.grid.cells)
         steps = np.array(DIRECTIONS[scenario.auvs.motion])
         turned = np.einsum("nij,dj->ndi", turns, steps)

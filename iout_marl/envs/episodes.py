@@ -22,7 +22,7 @@ from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import Events, State, World, node_codes, redraws_every_episode
 from iout_marl.world.actions import ActionCheck
 from iout_marl.world.observation import Ranges
-from iout_marl.world.unrolled import UnrolledSlot, pays_unrolled
+from iout_marl.world.unrolled import pays_unrolled, unrolled_slot
 
 #: Of a slot and an environment, by name: see `Episodes.info`.
 INFO_KEYS = (
@@ -69,7 +69,6 @@ class Episodes:
         self.world = World(self.scenario, num_envs)
         self._num_envs = num_envs
         self._play: Play | None = None
-        self._unrolled: UnrolledSlot | None = None
         self.mask_place = self.scenario.observation.action_mask
         self._sizes = np.array(self.world.action_sizes)
         self._check = ActionCheck(num_envs, self.world.num_auvs, self.world.action_sizes)
@@ -86,9 +85,9 @@ class Episodes:
         self._layout: npt.NDArray[np.int64] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        # A world holds its array library, which can not be copied, nor can what is made of
-        # it; but they hold nothing that changes, either.
-        state = {**vars(self), "world": None, "_unrolled": None, "_play": None}
+        # A world holds its array library, which can not be copied, nor can a function made
+        # of it; but they hold nothing that changes, either.
+        state = {**vars(self), "world": None, "_play": None}
         return state | {"_played": self._play and (self._play.state, self._play.events)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -101,10 +100,8 @@ class Episodes:
     def _play_from(self, state: State, events: Events | None = None) -> Play:
         if self._num_envs > 1 or not pays_unrolled(self.scenario):
             return BatchedPlay(self.world, state, events)
-        if self._unrolled is None:
-            with_mask = self.mask_place != "none"
-            self._unrolled = UnrolledSlot(self.scenario, state, with_mask=with_mask)
-        return UnrolledPlay(self._unrolled, self.world, state, events)
+        slot = unrolled_slot(self.scenario, with_mask=self.mask_place != "none")
+        return UnrolledPlay(slot, self.world, state, events)
 
     def reset(self, seeds: Sequence[int | None] | None = None) -> None:
         """Start the next episode of every environment.

@@ -85,8 +85,9 @@ class UnrolledPlay:
         self._events = events
         self._now: Numbers = slot.numbers(state)
         self._last: Numbers = () if events is None else slot.numbers(events)
-        #: Observations and masks; at first nobody has reckoned them.
-        self._seen: tuple[Numbers, Numbers] | None = None
+        #: Observations and masks, where the last slot has come with them.
+        self._seen: Numbers = ()
+        self._masks: Numbers = ()
 
     @property
     def state(self) -> State:
@@ -101,24 +102,25 @@ class UnrolledPlay:
         return self._events
 
     def step(self, action: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-        self._now, self._last, rewards, *seen = self._slot(self._now, action.ravel().tolist())
-        self._seen = (seen[0], seen[1])
+        result = self._slot(self._now, action.ravel().tolist())
+        self._now, self._last, rewards, self._seen, self._masks = result
         self._state = self._events = None
         return np.array([rewards])
 
     def observe(self) -> npt.NDArray[np.float32]:
-        if self._seen is None:
+        if not self._seen:
             return self._world.observe(self.state).astype(np.float32, order="C")
-        return np.array(self._seen[0], dtype=np.float32).reshape(1, self._world.num_auvs, -1)
+        return np.array(self._seen, dtype=np.float32).reshape(1, self._world.num_auvs, -1)
 
     def masks(self) -> npt.NDArray[np.int8]:
-        if self._seen is None:
-            return self._world.action_mask(self.state).astype(np.int8)
-        return np.array(self._seen[1], dtype=np.int8).reshape(1, self._world.num_auvs, -1)
+        if not self._masks:
+            masks: npt.NDArray[np.int8] = self._world.action_mask(self.state).astype(np.int8)
+            return masks
+        return np.array(self._masks, dtype=np.int8).reshape(1, self._world.num_auvs, -1)
 
     def now(self, name: str) -> npt.NDArray[Any]:
-        return np.array([self._now[self._slot.state_begins[name]]])
+        return np.array([self._now[self._slot.begins_of_state[name]]])
 
     def last(self, name: str) -> npt.NDArray[Any]:
-        begin = self._slot.events_begin[name]
+        begin = self._slot.begins_of_events[name]
         return np.array([self._last[begin : begin + self._world.num_auvs]])

@@ -44,7 +44,10 @@ class Program:
         self._tables: dict[Any, tuple[str, npt.NDArray[Any]]] = {}
 
     def parameters(self, name: str, array: npt.NDArray[Any]) -> SymbolArray:
-        """Symbols in the place of an array's numbers, called by a name and their number."""
+        """An array of symbols, of the shape and type of another one.
+
+        They are called by a name and their place.
+        """
         values = np.empty(array.size, dtype=object)
         for i in range(array.size):
             values[i] = Symbol(self, f"{name}_{i}")
@@ -63,7 +66,7 @@ class Program:
 
     def table(self, values: npt.NDArray[Any]) -> str:
         """The name of a table of known numbers."""
-        place = (values.__array_interface__["data"], values.shape, values.dtype)
+        place = (values.ctypes.data, values.shape, values.strides, values.dtype)
         # Kept along with its array, whose place in memory no other one can take then.
         name, _ = self._tables.setdefault(place, (f"table_{len(self._tables)}", values))
         return name
@@ -180,6 +183,7 @@ _compared = {
     }.items()
 }
 _chosen = _elementwise("{1} if {0} else {2}", lambda flag, a, b: a if flag else b)
+# Of numbers that compare: not what NumPy does where one is NaN.
 _larger = _elementwise("{0} if {0} > {1} else {1}", max)
 _smaller = _elementwise("{0} if {0} < {1} else {1}", min)
 _to_float = {
@@ -255,6 +259,8 @@ class SymbolArray:
 
     def __matmul__(self, other: Any) -> SymbolArray:
         """With a vector."""
+        if np.ndim(_objects(other)) != 1:
+            raise UnknownOperationError("a product with a matrix on the right")
         return _sum(self * other, -1)
 
     def __rmatmul__(self, other: Any) -> SymbolArray:
@@ -270,13 +276,13 @@ class SymbolArray:
         return _of(_negated, self.kind, self)
 
     def __invert__(self) -> SymbolArray:
-        return _of(_not, bool, self)
+        return _of_flags(_not, self)
 
     def __and__(self, other: Any) -> SymbolArray:
-        return _of(_and, bool, self, other)
+        return _of_flags(_and, self, other)
 
     def __or__(self, other: Any) -> SymbolArray:
-        return _of(_or, bool, self, other)
+        return _of_flags(_or, self, other)
 
     def __lt__(self, other: Any) -> SymbolArray:
         return _of(_compared["<"], bool, self, other)
@@ -309,6 +315,12 @@ class SymbolArray:
 
 def _of(function: Callable[..., npt.NDArray[Any]], kind: type, *operands: Any) -> SymbolArray:
     return SymbolArray(function(*(_objects(operand) for operand in operands)), kind)
+
+
+def _of_flags(function: Callable[..., npt.NDArray[Any]], *operands: Any) -> SymbolArray:
+    if _widest(*operands) is not bool:
+        raise UnknownOperationError("an operation on the bits of numbers")
+    return _of(function, bool, *operands)
 
 
 def _reduced(
@@ -376,7 +388,7 @@ def _where(flag: Any, first: Any, second: Any) -> SymbolArray:
 
 
 def _astype(values: SymbolArray, dtype: Any) -> SymbolArray:
-    if np.dtype(dtype).kind != "f":
+    if dtype != np.float64:
         raise UnknownOperationError(f"conversion to {dtype}")
     return values if values.kind is float else _of(_to_float[values.kind], float, values)
 
@@ -399,7 +411,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "index_add": _index_add,
     "argsort": _argsort,
     "astype": _astype,
-    "asarray": lambda a, **_: a,
+    "asarray": lambda a, dtype=np.float64, device=None: _astype(a, dtype),  # noqa: ARG005
     "zeros_like": lambda a: np.zeros(a.shape, a.dtype),
     "ones_like": lambda a, dtype=None: np.ones(a.shape, dtype or a.dtype),
     "full_like": lambda a, value: np.full(a.shape, value, a.dtype),

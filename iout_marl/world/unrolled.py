@@ -3,11 +3,13 @@
 NumPy takes about half a microsecond to look at an array, however small, and a slot of a single
 environment is a hundred looks at arrays of a few numbers. So the world is run once on symbols in
 their place, and what it does to each number becomes a line of a Python function: the same
-world, rule by rule and digit by digit, in a tenth of the time.
+world, rule by rule and digit by digit, without the arrays. `benchmarks/environment.py` measures
+what it gains.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
@@ -22,28 +24,39 @@ from iout_marl.world.world import World
 
 #: Plain numbers, in the order in which they lie in one array or in several, one after the other.
 Numbers: TypeAlias = tuple[Any, ...]
-#: The longest functions that pay: they grow with pairs of AUVs and nodes, and of AUVs. From
-#: eight AUVs on, NumPy's sums over them would also differ in the last digit.
-MOST_PAIRS, MOST_AUVS = 100, 4
+#: Up to which numbers of pairs of an AUV and a node, of AUVs and of cells it pays. The function
+#: grows with pairs, whatever the scenario has an AUV see, and with pairs of AUVs; tables with
+#: cells. From eight AUVs on, NumPy's sums over them would also differ in the last digit.
+MOST_PAIRS, MOST_AUVS, MOST_CELLS = 40, 4, 20_000
 
 
 def pays_unrolled(scenario: Scenario) -> bool:
     """Whether an `UnrolledSlot` of a scenario takes less time than the world on NumPy."""
     pairs = scenario.num_auvs * scenario.num_nodes
-    return pairs <= MOST_PAIRS and scenario.num_auvs <= MOST_AUVS
+    cells = int(np.prod(scenario.grid.cells))
+    return pairs <= MOST_PAIRS and scenario.num_auvs <= MOST_AUVS and cells <= MOST_CELLS
+
+
+# It never changes, and all environments of a process can share it.
+@functools.lru_cache(maxsize=16)
+def unrolled_slot(scenario: Scenario, *, with_mask: bool = False) -> UnrolledSlot:
+    """The `UnrolledSlot` of a scenario, made once."""
+    return UnrolledSlot(scenario, with_mask=with_mask)
 
 
 class UnrolledSlot:
-    """`World.slot` of a single environment, on plain numbers instead of arrays.
+    """Step, reward and observation of a single environment, on plain numbers.
+
+    Where numbers overflow it gives what NumPy gives, but no warning.
 
     Args:
         scenario: the scenario.
-        state: any state of one environment of its world.
         with_mask: also say which actions make sense.
     """
 
-    def __init__(self, scenario: Scenario, state: State, *, with_mask: bool = False) -> None:
+    def __init__(self, scenario: Scenario, *, with_mask: bool = False) -> None:
         program, world = Program(), World(scenario, library=LIBRARY)
+        state = World(scenario).reset(np.zeros((1, world.num_nodes), dtype=np.int64))
         shape = (1, world.num_auvs, len(world.action_sizes))
         action = program.parameters("action", np.zeros(shape, dtype=np.int64))
         before = State(*(program.parameters(k, v) for k, v in state._asdict().items()))
@@ -55,9 +68,9 @@ class UnrolledSlot:
         )
         self._state = [(array.shape, array.dtype) for array in state]
         self._events = [(array.shape, array.dtype) for array in events]
-        #: Where in the numbers of a state, or of events, each of its arrays begins.
-        self.state_begins = _begins(State._fields, state)
-        self.events_begin = _begins(Events._fields, events)
+        #: Where in the numbers of a state, and of events, each of its arrays begins.
+        self.begins_of_state = _begins(State._fields, state)
+        self.begins_of_events = _begins(Events._fields, events)
 
     def __call__(
         self, state: Numbers, action: Sequence[int]

@@ -169,8 +169,9 @@ def positive_solution(xp: Any, matrix: Array, right: Array) -> tuple[Array, Arra
     """The y > 0 of A y = b for b > 0, where A has nothing positive beside its diagonal.
 
     By elimination without a change of rows: all pivots are positive if and only if there is
-    such a y (Berman and Plemmons, 1994, ch. 6), and beside them no sum cancels. A library's
-    solver would stop an accelerator to tell whether A is singular.
+    such a y (Berman and Plemmons, 1994, ch. 6), and only they are differences. A library's
+    solver would stop an accelerator to tell whether A is singular, and is slower but for
+    dozens of rows or a single system.
 
     Args:
         xp: array namespace.

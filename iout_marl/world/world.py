@@ -27,7 +27,7 @@ from iout_marl.world.state import Events, State
 from iout_marl.world.uplink import Request, make_access
 from iout_marl.world.view import View
 
-#: Changes whenever the same scenario, seed and actions would lead elsewhere.
+#: Changes whenever the same scenario, seed and actions would lead elsewhere, rounding apart.
 WORLD_VERSION = 0
 
 

@@ -9,7 +9,7 @@ from test_world_laws import ACCESS, NAMES, STARTS
 from iout_marl.scenario import load_scenario
 from iout_marl.world import World, node_codes
 from iout_marl.world.symbols import LIBRARY, Program, UnknownOperationError
-from iout_marl.world.unrolled import UnrolledSlot, pays_unrolled
+from iout_marl.world.unrolled import UnrolledSlot, pays_unrolled, unrolled_slot
 
 #: Settings that between them use every part of the world.
 PARTS = st.fixed_dictionaries(
@@ -48,7 +48,7 @@ def assert_alike(scenario, slots=40, seed=0):
     world = World(scenario)
     rng = np.random.default_rng(seed)
     state = world.reset(node_codes(scenario, world.grid, [rng]))
-    slot = UnrolledSlot(scenario, state, with_mask=True)
+    slot = UnrolledSlot(scenario, with_mask=True)
     now = slot.numbers(state)
     for _ in range(slots):
         shape = (1, world.num_auvs)
@@ -89,12 +89,21 @@ def test_unequal_nodes():
     assert_alike(scenario)
 
 
-@pytest.mark.parametrize(
-    ("auvs", "nodes", "pays"), [(1, 100, True), (1, 101, False), (5, 5, False)]
-)
+@pytest.mark.parametrize(("auvs", "nodes", "pays"), [(1, 40, True), (1, 41, False), (5, 5, False)])
 def test_large_networks_and_teams_are_left_to_numpy(auvs, nodes, pays):
     settings = {"auvs.count": auvs, "nodes": {"kind": "random", "count": nodes}}
     assert pays_unrolled(load_scenario("multi/m4-k10-fdd", settings)) is pays
+
+
+def test_large_grids_are_left_to_numpy():
+    scenario = load_scenario("paper/k10-fdd", {"grid.cells": [100, 100, 4]})
+    assert not pays_unrolled(scenario)
+
+
+def test_unrolled_slot_of_a_scenario_is_made_once():
+    first, second = (load_scenario("paper/k3-fdd") for _ in range(2))
+    assert unrolled_slot(first) is unrolled_slot(second)
+    assert unrolled_slot(first) is not unrolled_slot(first, with_mask=True)
 
 
 def evaluated(function, *values):
@@ -133,6 +142,9 @@ def test_lines_without_a_use_and_repeated_ones_are_left_out():
         np.argsort,
         LIBRARY.cumulative_sum,
         lambda a: LIBRARY.astype(a, np.int64),
+        lambda a: a @ np.ones((2, 2)),
+        lambda a: ~a,
+        lambda a: a & a,
     ],
 )
 def test_what_no_symbol_can_answer_is_refused(operation):
