@@ -32,7 +32,15 @@ def as_arrays(*values: ArrayLike) -> tuple[Any, ...]:
     xp = array_api_compat.array_namespace(*arrays)
     device = array_api_compat.device(arrays[0])
     dtype = next((a.dtype for a in arrays if xp.isdtype(a.dtype, "real floating")), xp.float64)
-    return (xp, *(xp.asarray(v, dtype=dtype, device=device) for v in values))
+    on_numpy = isinstance(arrays[0], np.ndarray)
+
+    def as_array(value: ArrayLike) -> Array:
+        if on_numpy or not isinstance(value, int | float | np.generic):
+            return xp.asarray(value, dtype=dtype, device=device)
+        # Made where it is needed: an accelerator would stop for a number brought to it.
+        return xp.full((), float(value), dtype=dtype, device=device)
+
+    return (xp, *map(as_array, values))
 
 
 def require(condition: Array, message: str) -> None:

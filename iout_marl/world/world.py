@@ -82,8 +82,11 @@ class World:
             self.motion.num_directions,
             *(self.num_nodes,) * self.duplex.num_choices,
         )
-        self._start = self.grid.encode(start_cells(scenario, self.grid))
+        start = self.grid.encode(start_cells(scenario, self.grid))
+        # Brought to the device here: later an accelerator would have to stop for them.
+        self._start = backend.integers(np.tile(start, (num_envs, 1)))
         self._one_slot = backend.integers(1)
+        self._one = backend.floats(1.0)
         # Of every node: NumPy compares two arrays faster than an array and a number.
         nowhere = backend.zeros((num_envs, self.num_nodes))
         self._maximum_age = nowhere + float(scenario.age.maximum)
@@ -95,11 +98,11 @@ class World:
             node_cell: (envs, nodes) codes of the nodes' cells, as drawn by
                 `placement.node_codes`.
         """
-        backend, envs = self.backend, (self.num_envs,)
+        backend, xp, envs = self.backend, self.backend.xp, (self.num_envs,)
         nodes = (self.num_envs, self.num_nodes)
         return State(
-            slot=backend.integers(np.zeros(envs, dtype=np.int64)),
-            cell=backend.integers(np.tile(self._start, (self.num_envs, 1))),
+            slot=xp.zeros(envs, dtype=xp.int64, device=backend.device),
+            cell=xp.asarray(self._start, copy=True),
             node_cell=backend.with_envs_inside(backend.integers(node_cell)),
             age=backend.zeros(nodes) + float(self.scenario.age.initial),
             energy_j=backend.zeros(nodes),
@@ -236,7 +239,7 @@ class World:
         `jain_violation` is 1 where J lies below J_min.
         """
         xp = self.backend.xp
-        slots = xp.maximum(xp.astype(state.slot, state.age.dtype), self.backend.floats(1.0))
+        slots = xp.maximum(xp.astype(state.slot, state.age.dtype), self._one)
         below = state.jain < self.scenario.fairness.minimum_jain
         return {
             "mean_aoi": state.age_sum / slots,
