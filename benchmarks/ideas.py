@@ -24,7 +24,7 @@ import argparse
 import itertools
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import machine
@@ -79,23 +79,25 @@ class VTrace(Trainer):
         settings = self.settings
         assert settings.target_kl is None
         assert not settings.mask_actions
-        self._passes = settings.epochs
-        self.settings = settings.model_copy(update={"epochs": 1})
         self.simulation: EndsKept = EndsKept(
             self.scenarios, settings.environments, self.device, self.seeds, self.group
         )
 
-    def _learn(self, rollout: Rollout, learning_rate: float) -> dict[str, Tensor]:
+    def _learn(
+        self, rollout: Rollout, orders: Iterable[Tensor], learning_rate: float | Tensor
+    ) -> dict[str, Tensor]:
         self._rollout = rollout
-        figures = super()._learn(rollout, learning_rate)
+        figures = super()._learn(rollout, orders, learning_rate)
         self.simulation.ends.clear()
         return figures
 
-    def _epochs(self, data: dict[str, Tensor], learning_rate: float) -> dict[str, Tensor]:
+    def _epochs(
+        self, data: dict[str, Tensor], orders: Iterable[Tensor], learning_rate: float | Tensor
+    ) -> dict[str, Tensor]:
         logs = []
-        for epoch in range(self._passes):
+        for epoch, order in enumerate(orders):
             now = data if epoch == 0 else {**data, **self._traced(data)}
-            logs.append(super()._epochs(now, learning_rate))
+            logs.append(super()._epochs(now, [order], learning_rate))
         return {tag: torch.stack([log[tag] for log in logs]).mean(0) for tag in logs[0]}
 
     @torch.no_grad()

@@ -22,10 +22,16 @@ class Adam:
         parameters: (…) each, or (replicas, …).
         epsilon: added to the root of the second moment.
         replicas: axis of the policies, where there are several.
+        is_recorded: count the steps where the weights are, for steps that are replayed.
     """
 
     def __init__(
-        self, parameters: Sequence[nn.Parameter], epsilon: float, replicas: tuple[int, ...] = ()
+        self,
+        parameters: Sequence[nn.Parameter],
+        epsilon: float,
+        replicas: tuple[int, ...] = (),
+        *,
+        is_recorded: bool = False,
     ) -> None:
         self._parameters = list(parameters)
         self._epsilon = epsilon
@@ -36,7 +42,10 @@ class Adam:
         #: Moments of the gradient, (weights) or (replicas, weights).
         self.first = torch.zeros(shape, dtype=like.dtype, device=like.device)
         self.second = torch.zeros_like(self.first)
-        self.steps = 0
+        #: Steps taken: a number, or () float64 beside the weights.
+        self.steps: int | Tensor = 0
+        if is_recorded:
+            self.steps = torch.zeros((), dtype=torch.float64, device=like.device)
 
     def gradient(self) -> Tensor:
         """The gradients of all weights, (weights) or (replicas, weights); they are let go of."""
@@ -48,8 +57,8 @@ class Adam:
         return torch.cat(rows, dim=-1)
 
     @torch.no_grad()
-    def step(self, gradient: Tensor, learning_rate: float) -> None:
-        """Take a step along a `gradient`."""
+    def step(self, gradient: Tensor, learning_rate: float | Tensor) -> None:
+        """Take a step along a `gradient`; the learning rate is a number, or () float64."""
         self.steps += 1
         first_decay, second_decay = DECAYS
         self.first.lerp_(gradient, 1 - first_decay)
@@ -66,13 +75,16 @@ class Adam:
             (moment[policy] if self._axes else moment).clone()
             for moment in (self.first, self.second)
         )
-        return {"first": first, "second": second, "steps": self.steps}
+        return {"first": first, "second": second, "steps": int(self.steps)}
 
     def load_state_dict(self, saved: Sequence[dict[str, Any]]) -> None:
         """Go on from the `state_dict` of each policy."""
         for name, moment in (("first", self.first), ("second", self.second)):
             moment.copy_(torch.stack([one[name] for one in saved]).view_as(moment))
-        self.steps = saved[0]["steps"]
+        if isinstance(self.steps, Tensor):
+            self.steps.fill_(saved[0]["steps"])
+        else:
+            self.steps = saved[0]["steps"]
 
 
 def clipped(gradient: Tensor, maximum: float) -> tuple[Tensor, Tensor]:

@@ -43,4 +43,4 @@ class Moments(NamedTuple):
     def none(cls, shape: tuple[int, ...], device: torch.device) -> Moments:
         """Those of no values."""
         zeros = torch.zeros(shape, dtype=torch.float64, device=device)
-        return cls(zeros, zeros, zeros.new_zeros(()))
+        return cls(zeros, zeros.clone(), zeros.new_zeros(()))

@@ -16,7 +16,7 @@ def advantages(
     reward: Tensor,
     value: Tensor,
     next_value: Tensor,
-    truncated: list[bool],
+    truncated: Tensor,
     discount: float,
     gae_lambda: float,
 ) -> Tensor:
@@ -27,7 +27,7 @@ def advantages(
 
     Args:
         reward, value, next_value: (slots, …) each.
-        truncated: (slots,), whether the episode ended with the slot.
+        truncated: (slots,) bool, whether the episode ended with the slot.
         discount: γ.
         gae_lambda: λ.
 
@@ -35,10 +35,11 @@ def advantages(
         (slots, …) advantages.
     """
     delta = reward + discount * next_value - value
+    carried = (~truncated).to(delta.dtype) * (discount * gae_lambda)
     result = torch.empty_like(delta)
     running = torch.zeros_like(delta[0])
     for t in reversed(range(delta.shape[0])):
-        running = delta[t] + (0.0 if truncated[t] else discount * gae_lambda) * running
+        running = delta[t] + carried[t] * running
         result[t] = running
     return result
 
@@ -77,26 +78,33 @@ class RewardScale:
         spread = self._seen.variance.sqrt().clamp_min(1e-6).float()
         return torch.ones_like(spread) if self._kind == "none" else spread
 
-    def update(self, reward: Tensor, truncated: list[bool]) -> None:
-        """Take in (slots, envs, auvs) or (slots, replicas, envs, auvs) rewards."""
+    def update(self, reward: Tensor, truncated: Tensor) -> None:
+        """Take in (slots, envs, auvs) or (slots, replicas, envs, auvs) rewards.
+
+        Args:
+            reward: in every slot.
+            truncated: (slots,) bool, whether the episode ended with the slot.
+        """
         if self._kind == "none" or (self._kind == "first_rollout" and not self._is_first):
             return
         self._is_first = False
         if self._kind == "running":
             reward = self._discounted(reward, truncated)
         dims = (0, -2, -1)
-        self._seen = self._seen.merged(Moments.of(reward, dims, self._group))
+        merged = self._seen.merged(Moments.of(reward, dims, self._group))
+        for kept, new in zip(self._seen, merged, strict=True):
+            kept.copy_(new)
 
-    def _discounted(self, reward: Tensor, truncated: list[bool]) -> Tensor:
+    def _discounted(self, reward: Tensor, truncated: Tensor) -> Tensor:
         """The return so far in every slot, with the episodes' beginnings in mind."""
-        now = torch.zeros_like(reward[0]) if self._return is None else self._return
-        returns = []
-        for slot_reward, ended in zip(reward, truncated, strict=True):
-            now = now * self._discount + slot_reward
-            returns.append(now)
-            if ended:
-                now = torch.zeros_like(now)
-        self._return = now
+        if self._return is None:
+            self._return = torch.zeros_like(reward[0])
+        now, returns = self._return, []
+        goes_on = (~truncated).to(reward.dtype)
+        for slot_reward, carried in zip(reward, goes_on, strict=True):
+            returns.append(now * self._discount + slot_reward)
+            now = returns[-1] * carried
+        self._return.copy_(now)
         return torch.stack(returns)
 
     def state_dict(self, policy: int = 0) -> dict[str, Any]:
@@ -118,7 +126,9 @@ class RewardScale:
         shape, device = self._seen.mean.shape, self._seen.mean.device
         moments = torch.tensor([one["moments"] for one in saved], dtype=torch.float64)
         mean, variance, number = moments.to(device).unbind(-1)
-        self._seen = Moments(mean.reshape(shape), variance.reshape(shape), number[0])
+        self._seen = Moments(
+            mean.reshape(shape).clone(), variance.reshape(shape).clone(), number[0].clone()
+        )
         self._is_first = saved[0]["is_first"]
         self._return = None
         if saved[0]["return"] is not None:

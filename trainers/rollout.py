@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World, node_codes, redraws_every_episode
+from trainers.graphs import Graph, Recorded
 from trainers.group import Group
 from trainers.laps import Laps
 from trainers.networks import ActorCritic, uniform_noise
@@ -28,7 +31,7 @@ class Rollout:
 
     With several policies side by side there is one axis more: (slots, replicas, envs, …).
     All environments start and end their episodes together, so that one flag a slot
-    tells of all of them.
+    tells of all of them. Where slots are recorded, the next rollout is written over it.
     """
 
     observation: Tensor  # (slots, envs, auvs, entries) float32, as the world gives it
@@ -40,7 +43,7 @@ class Rollout:
     log_probability: Tensor  # (slots, envs, auvs) float32
     value: Tensor  # (slots, envs, auvs) float32
     reward: Tensor  # (slots, envs, auvs) float32, as the world gives it
-    truncated: list[bool]  # (slots,): the episode ended with this slot
+    truncated: Tensor  # (slots,) bool: the episode ended with this slot
     next_value: Tensor  # (slots, envs, auvs): value of what followed the slot
     episodes: list[dict[str, Tensor]] = field(default_factory=list)  # metrics: mean over envs
     reward_terms: dict[str, Tensor] = field(default_factory=dict)  # mean of each term a slot
@@ -68,6 +71,27 @@ class Rollout:
         return log
 
 
+@dataclass
+class _Course:
+    """What the slots of a rollout read and write; recorded, they do so again and again."""
+
+    rollout: Rollout
+    noise: Tensor  # (slots, envs, auvs, action entries): chooses the actions
+    row: Tensor  # (1,) int64: the slot that comes next, where slots are recorded
+    totals: dict[str, Any] = field(default_factory=dict)  # sum of each reward term, (envs, auvs)
+    play: Recorded[None] | None = None  # that slot
+    judge: Recorded[None] | None = None  # what is left to do when the slots are over
+
+    def begin_again(self, noise: Tensor) -> None:
+        """Make it as good as new, in the same memory, for a rollout with this noise."""
+        self.noise.copy_(noise)
+        self.row.zero_()
+        self.rollout.truncated.zero_()
+        self.rollout.episodes = []
+        for total in self.totals.values():
+            total.zero_()
+
+
 class Simulation:
     """The batched world, its state, and the streams that it draws from.
 
@@ -82,6 +106,8 @@ class Simulation:
         seeds: of each policy; seed its layouts and actions.
         group: who shares the environments. Everyone draws for all of them, so that it does
             not matter how many share.
+        new_graph: makes what slots are recorded in, each graph for one function; None to run
+            them as they are.
     """
 
     def __init__(
@@ -91,6 +117,7 @@ class Simulation:
         device: torch.device,
         seeds: Sequence[int],
         group: Group | None = None,
+        new_graph: Callable[[], Graph] | None = None,
     ) -> None:
         self.device = device
         self.group = group or Group()
@@ -113,8 +140,23 @@ class Simulation:
         self.generators = [torch.Generator(device).manual_seed(seed) for seed in seeds]
         self._is_central = scenarios[0].training.critic == "central"
         self._redraws = redraws_every_episode(scenarios[0])
-        self.state = self._first_state()
+        self._new_graph = new_graph if self.world.backend.xp is not np else None
+        self._courses: dict[tuple[ActorCritic, int, bool], _Course] = {}
+        self.state = self._apart(self._first_state())
         self._slot = 0
+
+    def _apart(self, state: State) -> State:
+        """The state; where slots are recorded, in memory of its own for each field."""
+        return state if self._new_graph is None else state.map(torch.clone)
+
+    def _go_on_from(self, state: State) -> None:
+        """Make it the present state; where slots are recorded, in the same memory as ever."""
+        if self._new_graph is None:
+            self.state = state
+            return
+        for kept, new in zip(self.state, state, strict=True):
+            if new is not kept:
+                kept.copy_(new)
 
     def _first_state(self, previous: State | None = None) -> State:
         if previous is not None and not self._redraws:
@@ -123,7 +165,13 @@ class Simulation:
             node_codes(scenario, self.world.grid, [rng] * self.num_envs)[self._own]
             for scenario, rng in zip(self._scenarios, self.layout_rngs, strict=True)
         ]
-        return self.world.reset(np.concatenate(codes))
+        return self.world.reset(self._brought(np.concatenate(codes)))
+
+    def _brought(self, array: npt.NDArray[Any]) -> Any:
+        """An array as the world takes it; to a GPU without waiting for what runs there."""
+        if self.device.type != "cuda":
+            return array
+        return torch.from_numpy(array).pin_memory().to(self.device, non_blocking=True)
 
     def _tensor(self, array: Any, dtype: torch.dtype | None = None) -> Tensor:
         """(…) for (replicas · envs, …), as (replicas, envs, …) where there are several."""
@@ -162,8 +210,66 @@ class Simulation:
             use_mask: keep to the actions that the world's mask allows.
             laps: books the time under `environment`, `inference` and `rollout`, the rest.
         """
+        world, laps = self.world, laps or Laps()
+        course = self._begun(network, slots, use_mask=use_mask)
+        rollout = course.rollout
+        values_at_end: dict[int, Tensor] = {}
+        laps("rollout")
+        for t in range(slots):
+            if course.play is None:
+                self.state = self._play(network, course, t, laps)
+            else:
+                course.play()
+                laps("rollout")
+            self._slot += 1
+            if self._slot >= world.num_slots:
+                rollout.truncated[t] = True
+                # A time limit is no end of the task: what lies beyond it still counts.
+                values_at_end[t] = self.value(network)
+                rollout.episodes.append(self._means(world.metrics(self.state)))
+                self._go_on_from(self._first_state(self.state))
+                self._slot = 0
+                laps("rollout")
+        if course.judge is None:
+            self._judge(network, rollout)
+        else:
+            course.judge()
+        laps("inference")
+        if self._slot > 0:
+            values_at_end[slots - 1] = self.value(network)
+        for t, value in values_at_end.items():
+            rollout.next_value[t] = value
+        rollout.reward_terms = {k: v / slots for k, v in self._means(course.totals).items()}
+        laps("rollout")
+        return rollout
+
+    def _begun(self, network: ActorCritic, slots: int, *, use_mask: bool) -> _Course:
+        """Room for a rollout, and its noise; where slots are recorded, the same room as ever."""
+        noise = self.uniform_noise(slots)
+        key = (network, slots, use_mask)
+        course = self._courses.get(key)
+        if course is None:
+            row = torch.zeros(1, dtype=torch.int64, device=self.device)
+            course = _Course(self._empty(slots, use_mask=use_mask), noise, row)
+        if self._new_graph is None:
+            return course
+        if course.play is None:
+            course.play = Recorded(partial(self._play_next, network, course), self._new_graph())
+            course.judge = Recorded(
+                partial(self._judge, network, course.rollout), self._new_graph()
+            )
+            self._courses[key] = course
+        course.begin_again(noise)
+        return course
+
+    def _play_next(self, network: ActorCritic, course: _Course) -> None:
+        """The slot that comes next, the same operations for each."""
+        self._go_on_from(self._play(network, course, course.row, Laps()))
+        course.row += 1
+
+    def _empty(self, slots: int, *, use_mask: bool) -> Rollout:
+        """Room for a rollout."""
         world = self.world
-        laps = laps or Laps()
         shape = (slots, *self._shape, world.num_auvs)
 
         def empty(*entries: int, dtype: torch.dtype = torch.float32) -> Tensor:
@@ -172,79 +278,75 @@ class Simulation:
         observed = self.observe().shape[-1]
         inputs = empty(observed)
         seen = self.observe_for_critic()
-        rollout = Rollout(
+        return Rollout(
             observation=empty(observed),
             privileged=None if seen is None else empty(seen.shape[-1]),
             inputs=inputs,
-            critic_inputs=inputs,
+            critic_inputs=inputs if seen is None else empty(observed + seen.shape[-1]),
             mask=empty(sum(world.action_sizes), dtype=torch.bool) if use_mask else None,
             action=empty(len(world.action_sizes), dtype=torch.int64),
             log_probability=empty(),
             value=empty(),
             reward=empty(),
-            truncated=[],
+            truncated=torch.zeros(slots, dtype=torch.bool, device=self.device),
             next_value=empty(),
         )
-        noise = self.uniform_noise(slots)
-        terms_total: dict[str, Any] = {}
-        values_at_end: dict[int, Tensor] = {}
-        laps("rollout")
-        for t in range(slots):
-            observation = self.observe()
-            seen = self.observe_for_critic()
-            mask = self._tensor(world.action_mask(self.state)) if use_mask else None
-            laps("environment")
-            scaled = network.scaler(observation)
-            scores = network.scores(scaled, mask)
-            action, rollout.log_probability[t] = network.sample(scores, noise[t])
-            laps("inference")
-            inputs[t] = scaled
-            rollout.observation[t] = observation
-            rollout.action[t] = action
-            if rollout.privileged is not None and seen is not None:
-                rollout.privileged[t] = seen
-            if rollout.mask is not None and mask is not None:
-                rollout.mask[t] = mask
-            laps("rollout")
-            world_action = action.reshape(world.num_envs, *action.shape[-2:])
-            self.state, events = world.step(
-                self.state, world_action.numpy() if world.backend.xp is np else world_action
-            )
-            self._slot += 1
-            terms = world.reward_terms(self.state, events)
-            rollout.reward[t] = self._tensor(sum(terms.values()))
-            for name, term in terms.items():
-                terms_total[name] = terms_total.get(name, 0.0) + term
-            laps("environment")
-            rollout.truncated.append(self._slot >= world.num_slots)
-            if rollout.truncated[-1]:
-                # A time limit is no end of the task: what lies beyond it still counts.
-                values_at_end[t] = self.value(network)
-                rollout.episodes.append(self._means(world.metrics(self.state)))
-                self.state = self._first_state(self.state)
-                self._slot = 0
-                laps("rollout")
-        self._judge(rollout, network)
-        laps("inference")
-        rollout.next_value[:-1] = rollout.value[1:]
-        if not rollout.truncated[-1]:
-            values_at_end[slots - 1] = self.value(network)
-        for t, value in values_at_end.items():
-            rollout.next_value[t] = value
-        rollout.reward_terms = {k: v / slots for k, v in self._means(terms_total).items()}
-        laps("rollout")
-        return rollout
 
-    def _judge(self, rollout: Rollout, network: ActorCritic) -> None:
-        """Fill in what the critic sees, and its values."""
+    def _play(self, network: ActorCritic, course: _Course, t: int | Tensor, laps: Laps) -> State:
+        """One slot, written to row `t` of the rollout: the state after it.
+
+        Args:
+            network: the policy, or all of them.
+            course: the rollout, and what is drawn for it.
+            t: which slot of it; where one recording serves all, (1,) int64 on the device.
+            laps: books the time.
+        """
+        world, rollout = self.world, course.rollout
+        observation = self.observe()
+        seen = self.observe_for_critic()
+        mask = None if rollout.mask is None else self._tensor(world.action_mask(self.state))
+        laps("environment")
+        scaled = network.scaler(observation)
+        scores = network.scores(scaled, mask)
+        action, log_probability = network.sample(scores, _row(course.noise, t))
+        _write(rollout.log_probability, t, log_probability)
+        laps("inference")
+        _write(rollout.inputs, t, scaled)
+        _write(rollout.observation, t, observation)
+        _write(rollout.action, t, action)
+        if rollout.privileged is not None and seen is not None:
+            _write(rollout.privileged, t, seen)
+        if rollout.mask is not None and mask is not None:
+            _write(rollout.mask, t, mask)
+        laps("rollout")
+        world_action = action.reshape(world.num_envs, *action.shape[-2:])
+        state, events = world.step(
+            self.state, world_action.numpy() if world.backend.xp is np else world_action
+        )
+        terms = world.reward_terms(state, events)
+        _write(rollout.reward, t, self._tensor(sum(terms.values())))
+        for name, term in terms.items():
+            if name in course.totals:
+                course.totals[name] += term
+            else:
+                course.totals[name] = term + 0.0
+        laps("environment")
+        return state
+
+    def _judge(self, network: ActorCritic, rollout: Rollout) -> None:
+        """Fill in what the critic sees, its values, and those of what followed each slot.
+
+        The latter but for the last slot, and as if no episode had ended.
+        """
         if rollout.privileged is not None:
             seen = self.policies_first(rollout.privileged)
             inputs = network.critic_inputs(self.policies_first(rollout.inputs), seen)
-            rollout.critic_inputs = self.policies_first(inputs)
+            rollout.critic_inputs.copy_(self.policies_first(inputs))
         for first in range(0, len(rollout.value), _SLOTS_AT_ONCE):
             slots = slice(first, first + _SLOTS_AT_ONCE)
             value = network.value(self.policies_first(rollout.critic_inputs[slots]))
             rollout.value[slots] = self.policies_first(value)
+        rollout.next_value[:-1] = rollout.value[1:]
 
     def policies_first(self, values: Tensor) -> Tensor:
         """(slots, replicas, …) as (replicas, slots, …), and back; as it is for a lone policy."""
@@ -282,7 +384,21 @@ class Simulation:
             self.state = State(**{name: tensor.numpy() for name, tensor in joined.items()})
         else:
             self.state = State(**{name: t.to(self.device) for name, t in joined.items()})
+        self._courses.clear()
         self._slot = int(self.state.slot[0])
         for one, rng, generator in zip(saved, self.layout_rngs, self.generators, strict=True):
             rng.bit_generator.state = one["layout_rng"]
             generator.set_state(one["generator"])
+
+
+def _row(rows: Tensor, t: int | Tensor) -> Tensor:
+    """The row at a number, or at a (1,) tensor."""
+    return rows[t] if isinstance(t, int) else rows.index_select(0, t)[0]
+
+
+def _write(rows: Tensor, t: int | Tensor, values: Tensor) -> None:
+    """Write the row at a number, or at a (1,) tensor."""
+    if isinstance(t, int):
+        rows[t] = values
+    else:
+        rows.index_copy_(0, t, values[None])

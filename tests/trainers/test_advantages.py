@@ -6,6 +6,9 @@ import torch
 
 from trainers.returns import RewardScale, advantages
 
+#: No episode ends in twelve slots.
+NEVER = torch.zeros(12, dtype=torch.bool)
+
 
 def slow_advantages(reward, value, next_value, truncated, discount, gae_lambda):
     """Â_t = Σ_l (γλ)^l δ_{t+l}, the sum ending with the episode."""
@@ -27,7 +30,7 @@ def test_by_hand():
         reward=torch.tensor([1.0, 2.0, 3.0]),
         value=torch.tensor([1.0, 1.0, 1.0]),
         next_value=torch.tensor([1.0, 1.0, 4.0]),
-        truncated=[False, False, False],
+        truncated=NEVER[:3],
         discount=0.5,
         gae_lambda=0.5,
     )
@@ -40,7 +43,7 @@ def test_truncation_bootstraps_and_ends_the_sum():
         reward=torch.tensor([1.0, 2.0, 3.0]),
         value=torch.tensor([1.0, 1.0, 1.0]),
         next_value=torch.tensor([1.0, 10.0, 4.0]),
-        truncated=[False, True, False],
+        truncated=torch.tensor([False, True, False]),
         discount=0.5,
         gae_lambda=0.5,
     )
@@ -54,7 +57,7 @@ def test_truncation_bootstraps_and_ends_the_sum():
 def test_equals_the_slow_reference(discount, gae_lambda, slots):
     rng = np.random.default_rng(slots)
     reward, value, next_value = torch.from_numpy(rng.normal(size=(3, slots, 2, 3)))
-    truncated = (rng.random(slots) < 0.2).tolist()
+    truncated = torch.from_numpy(rng.random(slots) < 0.2)
     found = advantages(reward, value, next_value, truncated, discount, gae_lambda)
     for env, auv in np.ndindex(2, 3):
         one = (slice(None), env, auv)
@@ -67,7 +70,7 @@ def test_equals_the_slow_reference(discount, gae_lambda, slots):
 def test_lambda_of_one_is_the_discounted_return_less_the_value():
     reward, value = torch.tensor([1.0, 2.0, 4.0]), torch.tensor([0.3, 0.2, 0.1])
     next_value = torch.tensor([0.2, 0.1, 8.0])
-    found = advantages(reward, value, next_value, [False] * 3, 0.5, 1.0)
+    found = advantages(reward, value, next_value, NEVER[:3], 0.5, 1.0)
     assert found[0].item() == pytest.approx(1 + 1 + 1 + 0.125 * 8 - 0.3)
 
 
@@ -77,16 +80,16 @@ def rewards(slots=12, seed=0):
 
 def test_rewards_may_stay_as_they_are():
     scale = RewardScale("none", 0.9)
-    scale.update(rewards(), [False] * 12)
+    scale.update(rewards(), NEVER)
     assert scale.divisor == 1
 
 
 def test_first_rollout_sets_the_divisor_for_good():
     scale = RewardScale("first_rollout", 0.9)
-    scale.update(rewards(), [False] * 12)
+    scale.update(rewards(), NEVER)
     first = scale.divisor
     assert first.item() == pytest.approx(rewards().numpy().std())
-    scale.update(100 * rewards(seed=1), [False] * 12)
+    scale.update(100 * rewards(seed=1), NEVER)
     assert scale.divisor == first
 
 
@@ -94,7 +97,7 @@ def test_running_divisor_is_the_spread_of_all_discounted_returns():
     scale, seen = RewardScale("running", 0.9), []
     running = np.zeros((4, 2))
     for seed in range(5):
-        batch, truncated = rewards(7, seed), [False] * 7
+        batch, truncated = rewards(7, seed), NEVER[:7].clone()
         truncated[seed] = True
         scale.update(batch, truncated)
         for reward, ended in zip(batch.numpy(), truncated, strict=True):
@@ -107,7 +110,7 @@ def test_running_divisor_is_the_spread_of_all_discounted_returns():
 @pytest.mark.parametrize("kind", ["first_rollout", "running"])
 def test_equal_rewards_do_not_divide_by_zero(kind):
     scale = RewardScale(kind, 0.0)
-    scale.update(torch.full((5, 2, 1), -3.0), [False] * 5)
+    scale.update(torch.full((5, 2, 1), -3.0), NEVER[:5])
     assert 0 < scale.divisor < 1e-3
 
 
@@ -115,10 +118,10 @@ def test_equal_rewards_do_not_divide_by_zero(kind):
 def test_scale_goes_on_from_its_state(kind):
     whole, first = RewardScale(kind, 0.9), RewardScale(kind, 0.9)
     for scale in (whole, first):
-        scale.update(rewards(), [False] * 12)
+        scale.update(rewards(), NEVER)
     second = RewardScale(kind, 0.9)
     second.load_state_dict([first.state_dict()])
     for scale in (whole, second):
-        scale.update(rewards(seed=1), [False] * 11 + [True])
+        scale.update(rewards(seed=1), torch.arange(12) == 11)
     assert second.state_dict()["moments"] == whole.state_dict()["moments"]
     assert second.divisor == whole.divisor

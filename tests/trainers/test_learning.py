@@ -153,7 +153,7 @@ def test_running_scaler_takes_in_every_rollout(tiny):
 
 def test_every_sample_is_learnt_from_once_an_epoch(tiny):
     trainer = Trainer(tiny({"training.minibatches": 3}))
-    epochs = [list(trainer._minibatches(80)) for _ in range(2)]
+    epochs = [list(trainer._minibatches(trainer._order(80))) for _ in range(2)]
     for epoch in epochs:
         assert [(len(part), samples) for part, samples in epoch] == [(27, 27), (27, 27), (26, 26)]
         order = torch.cat([part for part, _ in epoch])

@@ -106,7 +106,7 @@ def test_equals_a_replay(setup, slots):
         assert torch.equal(rollout.observation, observation)
         assert torch.equal(rollout.inputs, network.scaler(observation))
         torch.testing.assert_close(rollout.reward, reward, rtol=1e-6, atol=1e-6)
-        assert rollout.truncated == list(ended)
+        assert rollout.truncated.tolist() == list(ended)
         with torch.no_grad():
             policy = network.log_probabilities(network.scores(network.scaler(observation)))
             expected = network.log_probability(policy, rollout.action)

@@ -3,11 +3,17 @@
 The loop, top to bottom: `Trainer.iterate_all` collects a rollout, estimates advantages and
 takes the clipped-surrogate steps. Every setting is explained in
 `iout_marl.scenario.Training`; every quantity that is logged, in `Trainer.iterate_all`.
+
+On a CUDA device the slots of a rollout, and all that is learnt from it, are recorded as CUDA
+graphs and replayed: in an iteration nothing waits for the host, whose part are the episodes'
+beginnings and the numbers drawn. Not recorded is what several processes exchange, hence nothing
+of theirs; nor is learning with `training.target_kl`, as the host decides when that ends.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from functools import partial
 from typing import Any
 
 import torch
@@ -19,6 +25,7 @@ from iout_marl.world import pin_layout
 from trainers.adam import Adam, clipped
 from trainers.factory import make_network
 from trainers.functions import policy_loss
+from trainers.graphs import GRAPHS, Recorded
 from trainers.group import Group
 from trainers.laps import Laps
 from trainers.moments import Moments
@@ -42,6 +49,7 @@ class Trainer:
         device: where to train.
         replicas: how many policies.
         group: the processes that share the environments.
+        use_graphs: record the work and replay it, where the device can.
 
     Attributes:
         seeds: of each policy.
@@ -60,6 +68,8 @@ class Trainer:
         device: str | torch.device = "cpu",
         replicas: int = 1,
         group: Group | None = None,
+        *,
+        use_graphs: bool = True,
     ) -> None:
         self.group = group or Group()
         self.seeds = range(seed, seed + replicas)
@@ -67,13 +77,25 @@ class Trainer:
         self.settings: Training = scenario.training
         _check_shares(self.settings, replicas, self.group)
         self.device = torch.device(device)
+        graph = GRAPHS.get(self.device.type) if use_graphs and self.group.size == 1 else None
+        new_graph = None if graph is None else partial(graph, self.device)
         self.simulation = Simulation(
-            self.scenarios, self.settings.environments, self.device, self.seeds, self.group
+            self.scenarios,
+            self.settings.environments,
+            self.device,
+            self.seeds,
+            self.group,
+            new_graph,
         )
         self._axes = len(self.simulation.replicas)
         self.network = self._make_network().to(self.device)
+        #: Makes what learning is recorded in.
+        self._new_graph = new_graph if self.settings.target_kl is None else None
         self.optimizer = Adam(
-            list(self.network.parameters()), self.settings.adam_epsilon, self.simulation.replicas
+            list(self.network.parameters()),
+            self.settings.adam_epsilon,
+            self.simulation.replicas,
+            is_recorded=self._new_graph is not None,
         )
         self.reward_scale = RewardScale(
             self.settings.reward_scaling,
@@ -82,6 +104,8 @@ class Trainer:
             self.group,
             self.device,
         )
+        #: A rollout, and what is recorded of learning from it.
+        self._lesson: tuple[Rollout, Recorded[dict[str, Tensor]]] | None = None
         self.env_steps = 0
 
     def _make_network(self) -> ActorCritic:
@@ -130,8 +154,8 @@ class Trainer:
               `ppo/gradient_norm`: before clipping; `ppo/learning_rate`;
             - `speed/env_steps_per_s`, of all policies together; `speed/rollout_share`, of
               the iteration's time, within it `speed/environment_share` (step, reward,
-              observation) and `speed/inference_share` (networks and sampling); and
-              `speed/learn_share`.
+              observation) and `speed/inference_share` (networks and sampling), of a
+              recorded slot neither; and `speed/learn_share`.
         """
         laps = Laps()
         learning_rate = self._learning_rate()
@@ -141,7 +165,7 @@ class Trainer:
             use_mask=self.settings.mask_actions,
             laps=laps,
         )
-        figures = {**rollout.log(), **self._learn(rollout, learning_rate)}
+        figures = {**rollout.log(), **self._taught(rollout, learning_rate)}
         columns = torch.stack([f.double() for f in figures.values()]).cpu()
         self.env_steps += self.steps_per_iteration
         laps("learn")
@@ -150,7 +174,7 @@ class Trainer:
         speed = {
             "speed/env_steps_per_s": steps / sum(laps.seconds.values()),
             "speed/rollout_share": 1 - shares["learn"],
-            "speed/environment_share": shares["environment"],
+            "speed/environment_share": shares.get("environment", 0.0),
             "speed/inference_share": shares["inference"],
             "speed/learn_share": shares["learn"],
             "ppo/learning_rate": learning_rate,
@@ -177,7 +201,27 @@ class Trainer:
         """Of (slots, envs, auvs) values: (replicas) or ()."""
         return Moments.of(values, (0, -2, -1), self.group)
 
-    def _learn(self, rollout: Rollout, learning_rate: float) -> dict[str, Tensor]:
+    def _taught(self, rollout: Rollout, learning_rate: float) -> dict[str, Tensor]:
+        """Learn from a rollout, by a recording where there is one: what there is to log."""
+        samples = rollout.value.numel() // len(self.seeds)
+        orders = (self._order(samples) for _ in range(self.settings.epochs))
+        if self._new_graph is None:
+            return self._learn(rollout, orders, learning_rate)
+        if self._lesson is None or self._lesson[0] is not rollout:
+            self._lesson = rollout, Recorded(partial(self._learn, rollout), self._new_graph())
+        rate = torch.full((), learning_rate, dtype=torch.float64, device=self.device)
+        return self._lesson[1](torch.stack(list(orders)), rate)
+
+    def _learn(
+        self, rollout: Rollout, orders: Iterable[Tensor], learning_rate: float | Tensor
+    ) -> dict[str, Tensor]:
+        """Learn from a rollout.
+
+        Args:
+            rollout: the rollout.
+            orders: of its samples in each epoch, as by `_order`.
+            learning_rate: of this iteration.
+        """
         settings = self.settings
         self.reward_scale.update(rollout.reward, rollout.truncated)
         advantage = advantages(
@@ -203,7 +247,7 @@ class Trainer:
             data["critic_inputs"] = self._samples(rollout.critic_inputs, 1)
         if rollout.mask is not None:
             data["mask"] = self._samples(rollout.mask, 1)
-        losses = self._epochs(data, learning_rate)
+        losses = self._epochs(data, orders, learning_rate)
         self._follow_inputs(self.network.scaler, rollout.observation)
         if self.network.privileged is not None and rollout.privileged is not None:
             self._follow_inputs(self.network.privileged, rollout.privileged)
@@ -215,11 +259,13 @@ class Trainer:
         if scaler.running:
             scaler.update(Moments.of(seen, (0, -3, -2), self.group))
 
-    def _epochs(self, data: dict[str, Tensor], learning_rate: float) -> dict[str, Tensor]:
+    def _epochs(
+        self, data: dict[str, Tensor], orders: Iterable[Tensor], learning_rate: float | Tensor
+    ) -> dict[str, Tensor]:
         settings = self.settings
         logs: list[dict[str, Tensor]] = []
-        for _ in range(settings.epochs):
-            minibatches = list(self._minibatches(data["returns"].shape[-1]))
+        for order in orders:
+            minibatches = list(self._minibatches(order))
             normalised = self._normalised(data["advantage"], minibatches)
             for (index, samples), advantage in zip(minibatches, normalised, strict=True):
                 batch = {name: _taken(values, index) for name, values in data.items()}
@@ -235,14 +281,17 @@ class Trainer:
     def _mean_kl(self, log: dict[str, Tensor]) -> float:
         return float(self.group.sum(log["kl"].clone()))
 
-    def _minibatches(self, own_samples: int) -> Iterator[tuple[Tensor, int]]:
-        """Indices of samples, (samples) or (replicas, samples), and how many all have of them."""
+    def _order(self, own_samples: int) -> Tensor:
+        """A new order of the samples of all processes: (samples) or (replicas, samples)."""
         every = own_samples * self.group.size
         orders = [
             torch.randperm(every, generator=generator, device=self.device)
             for generator in self.simulation.generators
         ]
-        order = torch.stack(orders) if self._axes else orders[0]
+        return torch.stack(orders) if self._axes else orders[0]
+
+    def _minibatches(self, order: Tensor) -> Iterator[tuple[Tensor, int]]:
+        """Indices of samples, (samples) or (replicas, samples), and how many all have of them."""
         for index in order.tensor_split(self.settings.minibatches, dim=-1):
             yield self._own(index), index.shape[-1]
 
@@ -277,7 +326,7 @@ class Trainer:
         return normalised
 
     def _step(
-        self, batch: dict[str, Tensor], samples: int, learning_rate: float
+        self, batch: dict[str, Tensor], samples: int, learning_rate: float | Tensor
     ) -> dict[str, Tensor]:
         """One step of the optimiser on a minibatch (eq. `total loss function`).
 
@@ -353,6 +402,7 @@ class Trainer:
         self.optimizer.load_state_dict([one["optimizer"] for one in saved])
         self.reward_scale.load_state_dict([one["reward_scale"] for one in saved])
         self.simulation.load_state_dict([one["simulation"] for one in saved])
+        self._lesson = None
         self.env_steps = saved[0]["env_steps"]
         self.seeds = range(saved[0]["seed"], saved[0]["seed"] + len(saved))
 

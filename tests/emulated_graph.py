@@ -1,0 +1,119 @@
+"""What a CUDA graph does, on the CPU: operations are kept once and repeated without Python.
+
+As on the device, recording has no effect; a replay works on the memory that was there when it
+was recorded, wherever Python's names may lead now; memory from outside is not kept alive by the
+graph; and what the host would wait for, or would have to bring to the device, is refused.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch.multiprocessing.reductions import StorageWeakRef
+from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils._pytree import tree_flatten, tree_map_only
+
+#: Operations whose result the host waits for.
+WAITS = {
+    "aten::_local_scalar_dense",
+    "aten::nonzero",
+    "aten::masked_select",
+    "aten::equal",
+    "aten::is_nonzero",
+    "aten::_unique2",
+}
+#: Those that do so where an index is a mask.
+INDEXED = {"aten::index", "aten::index_put", "aten::index_put_", "aten::_index_put_impl_"}
+#: What brings numbers of Python or NumPy to a device, and what draws from a generator.
+NOT_RECORDED = {"aten::lift_fresh", "aten::rand", "aten::randperm", "aten::multinomial"}
+
+
+class RecordingError(Exception):
+    """An operation that a CUDA graph can not hold."""
+
+
+class MemoryGoneError(Exception):
+    """A graph reads or writes memory that was given back."""
+
+
+@dataclass
+class Outside:
+    """A tensor in memory that the graph was not recorded with."""
+
+    storage: StorageWeakRef
+    dtype: torch.dtype
+    place: tuple
+
+    def tensor(self):
+        storage = torch.UntypedStorage._new_with_weak_ptr(self.storage.cdata)
+        if storage is None:
+            raise MemoryGoneError
+        return torch.empty(0, dtype=self.dtype).set_(storage, *self.place)
+
+
+def waits(func, args):
+    """Whether the host would wait for an operation."""
+    name = func._schema.name
+    indices = args[1] if name in INDEXED else ()
+    return name in WAITS or any(i is not None and i.dtype == torch.bool for i in indices)
+
+
+def key(tensor):
+    return tensor.untyped_storage()._cdata
+
+
+class EmulatedGraph(TorchDispatchMode):
+    """Stands in for `trainers.graphs.CudaGraph`."""
+
+    def __init__(self, device):
+        super().__init__()
+        self.calls = []  # function, arguments, tensors in new memory by their place in the results
+        self.made = set()  # memory that belongs to the graph, which keeps all of it
+        self.before = {}  # what memory from outside held
+        self.replays = 0
+
+    def warm_up(self, function):
+        return function()
+
+    def record(self, function):
+        with self:
+            result = function()
+        for storage, content in self.before.values():
+            if not storage.expired():
+                torch.UntypedStorage._new_with_weak_ptr(storage.cdata).copy_(content)
+        self.before.clear()
+        return result
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):
+        kwargs = kwargs or {}
+        if waits(func, args) or func._schema.name in NOT_RECORDED:
+            raise RecordingError(func._schema.name)
+        kept = tree_map_only(torch.Tensor, self._kept, (args, kwargs))
+        results = func(*args, **kwargs)
+        given = {key(t) for t in tree_flatten((args, kwargs))[0] if isinstance(t, torch.Tensor)}
+        new = {
+            place: tensor.detach()
+            for place, tensor in enumerate(tree_flatten(results)[0])
+            if isinstance(tensor, torch.Tensor) and key(tensor) not in given
+        }
+        self.made |= {key(tensor) for tensor in new.values()}
+        self.calls.append((func, kept, new))
+        return results
+
+    def _kept(self, tensor):
+        if key(tensor) in self.made:
+            return tensor.detach()
+        storage = tensor.untyped_storage()
+        seen = self.before.get(key(tensor))
+        if seen is None or seen[0].expired():
+            seen = self.before[key(tensor)] = StorageWeakRef(storage), storage.clone()
+        place = (tensor.storage_offset(), tensor.shape, tensor.stride())
+        return Outside(seen[0], tensor.dtype, place)
+
+    @torch.no_grad()
+    def replay(self):
+        self.replays += 1
+        for func, kept, new in self.calls:
+            args, kwargs = tree_map_only(Outside, Outside.tensor, kept)
+            results = tree_flatten(func(*args, **kwargs))[0]
+            for place, tensor in new.items():
+                tensor.copy_(results[place])
