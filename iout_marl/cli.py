@@ -124,6 +124,10 @@ def train(
         ),
     ] = None,
     overrides: Overrides = None,
+    *,
+    graphs: Annotated[
+        bool, typer.Option("--graphs/--no-graphs", help="CUDA graphs, on a CUDA device.")
+    ] = True,
 ) -> None:
     """Train a policy by PPO. Ctrl-C saves; --resume goes on.
 
@@ -161,6 +165,7 @@ def train(
             resume=resume is not None,
             replicas=replicas,
             group=group,
+            use_graphs=graphs,
         )
     if group.rank == 0:
         _report(outcome, folder, scenario, settings)
@@ -311,13 +316,14 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except MemoryError:
         _fail("not enough memory")
     except (KeyboardInterrupt, typer.Abort):
-        print("iout: interrupted", file=sys.stderr)  # noqa: T201
+        sys.stderr.write("iout: interrupted\n")
         status = 130
     sys.exit(status)
 
 
 def _fail(message: str) -> NoReturn:
-    print(f"iout: {message}", file=sys.stderr)  # noqa: T201
+    # In one go: `print` writes line and end apart, and processes of a group may get in between.
+    sys.stderr.write(f"iout: {message}\n")
     sys.exit(2)
 
 

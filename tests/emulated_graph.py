@@ -27,7 +27,7 @@ INDEXED = {"aten::index", "aten::index_put", "aten::index_put_", "aten::_index_p
 NOT_RECORDED = {"aten::lift_fresh", "aten::rand", "aten::randperm", "aten::multinomial"}
 
 
-class RecordingError(Exception):
+class RecordingError(RuntimeError):
     """An operation that a CUDA graph can not hold."""
 
 

@@ -14,6 +14,8 @@ from typing import Generic, Protocol, TypeVar
 import torch
 from torch import Tensor
 
+from iout_marl.errors import InputError
+
 Result = TypeVar("Result")
 
 
@@ -73,6 +75,9 @@ class Recorded(Generic[Result]):
     Args:
         function: what to record. It never asks the device for a number.
         graph: records it.
+
+    Raises:
+        InputError: when called, the graph can not hold what the function does.
     """
 
     def __init__(self, function: Callable[..., Result], graph: Graph) -> None:
@@ -89,9 +94,19 @@ class Recorded(Generic[Result]):
         for kept, new in zip(self._inputs, inputs, strict=True):
             kept.copy_(new)
         if not self._results:
-            self._results.append(self._graph.record(self._run))
+            self._results.append(self._recorded())
         self._graph.replay()
         return self._results[0]
+
+    def _recorded(self) -> Result:
+        try:
+            return self._graph.record(self._run)
+        except RuntimeError as error:
+            reason = str(error).strip().partition("\n")[0]
+            raise InputError(
+                f"the training could not be recorded as CUDA graphs ({reason}); "
+                "--no-graphs trains without"
+            ) from error
 
     def _run(self) -> Result:
         assert self._inputs is not None

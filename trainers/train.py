@@ -86,6 +86,7 @@ def train(
     catch_signals: bool = True,
     replicas: int = 1,
     group: Group | None = None,
+    use_graphs: bool = True,
 ) -> TrainingOutcome:
     """Train a policy, or several side by side, and evaluate at the end.
 
@@ -102,10 +103,12 @@ def train(
         replicas: how many policies, from the seed on; a resumed training has those it had.
         group: the processes that train together, each of which calls this; the first one
             writes and evaluates.
+        use_graphs: on a CUDA device, record the work as CUDA graphs.
 
     Raises:
         InputError: `out` holds a run already (or, to resume, none, or one of another
-            scenario), or can not be written; or another process of the group was lost.
+            scenario), or can not be written; another process of the group was lost; or the
+            work could not be recorded as CUDA graphs.
     """
     started = time.perf_counter()
     console = console or Console(stderr=True)
@@ -113,9 +116,16 @@ def train(
     if resume:
         runs = _runs_in(out)
         together = runs[0].path != out
-        trainer = _resumed(runs, scenario, torch.device(device), group, is_together=together)
+        trainer = _resumed(
+            runs,
+            scenario,
+            torch.device(device),
+            group,
+            is_together=together,
+            use_graphs=use_graphs,
+        )
     else:
-        trainer = Trainer(scenario, seed, device, replicas, group)
+        trainer = Trainer(scenario, seed, device, replicas, group, use_graphs=use_graphs)
         runs = [RunFolder(path) for path in _paths(out, trainer)]
     writes = group.rank == 0
     with _all_or_none(group):
@@ -234,6 +244,7 @@ def _resumed(
     group: Group,
     *,
     is_together: bool,
+    use_graphs: bool,
 ) -> Trainer:
     scenarios = [run.scenario() for run in runs]
     saved = [run.load_checkpoint(device) for run in runs]
@@ -246,7 +257,7 @@ def _resumed(
             f"{runs[0].path.parent}: these runs have not come equally far, or some are missing; "
             "go on with each by its own folder"
         )
-    trainer = Trainer(scenario, seeds[0], device, len(seeds), group)
+    trainer = Trainer(scenario, seeds[0], device, len(seeds), group, use_graphs=use_graphs)
     for run, own, wanted in zip(runs, scenarios, trainer.scenarios, strict=True):
         strange = [k for k in differences(own, wanted) if k not in CHANGEABLE]
         if strange:

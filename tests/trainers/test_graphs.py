@@ -7,12 +7,13 @@ import types
 
 import pytest
 import torch
-from emulated_graph import EmulatedGraph, MemoryGoneError, RecordingError
+from emulated_graph import EmulatedGraph, MemoryGoneError
 from test_accelerator import TWO_AUVS, assert_alike, needs_cuda
 from test_accelerator import VARIANTS as ON_ACCELERATORS
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_flatten
 
+from iout_marl.errors import InputError
 from trainers import Trainer, graphs, rollout
 from trainers.adam import Adam
 from trainers.graphs import Recorded
@@ -55,6 +56,16 @@ VARIANTS = {
 }
 
 
+#: Policies side by side can not stop their epochs apart.
+CASES = [
+    pytest.param(changes, replicas, id=f"{name}, {replicas}")
+    for name, changes in VARIANTS.items()
+    for replicas in (1, 2)
+    if replicas == 1 or "training.target_kl" not in changes
+]
+RECORDED = [case for case in CASES if "training.target_kl" not in case.values[0]]
+
+
 @pytest.fixture(params=VARIANTS.values(), ids=list(VARIANTS))
 def scenario(request, tiny):
     return tiny(request.param)
@@ -94,10 +105,9 @@ def assert_equal(first, second):
         assert torch.equal(a, b) if isinstance(a, torch.Tensor) else a == b
 
 
-@pytest.mark.parametrize("replicas", [1, 2])
-def test_recorded_training_is_eager_training(scenario, emulated, replicas):
-    if scenario.training.target_kl is not None and replicas > 1:
-        pytest.skip("not to be had")
+@pytest.mark.parametrize(("changes", "replicas"), CASES)
+def test_recorded_training_is_eager_training(tiny, emulated, changes, replicas):
+    scenario = tiny(changes)
     eager = Trainer(scenario, 3, replicas=replicas, use_graphs=False)
     assert not emulated
     recorded = Trainer(scenario, 3, replicas=replicas)
@@ -218,7 +228,7 @@ def test_memory_that_was_given_back_is_missed():
 def test_what_a_graph_can_not_hold_is_refused(refused, why):
     recorded, x = Recorded(refused, EmulatedGraph(None)), torch.ones(2)
     recorded(x)
-    with pytest.raises(RecordingError, match=why):
+    with pytest.raises(InputError, match=f"CUDA graphs .*{why}.*; --no-graphs trains without"):
         recorded(x)
 
 
@@ -302,11 +312,9 @@ def work_elsewhere(scenario, replicas):
 
 
 @pytest.mark.usefixtures("on_torch")
-@pytest.mark.parametrize("replicas", [1, 2])
-def test_nothing_recorded_reaches_for_the_memory_of_the_host(scenario, replicas):
-    if scenario.training.target_kl is not None:
-        pytest.skip("not recorded")
-    work_elsewhere(scenario, replicas)
+@pytest.mark.parametrize(("changes", "replicas"), RECORDED)
+def test_nothing_recorded_reaches_for_the_memory_of_the_host(tiny, changes, replicas):
+    work_elsewhere(tiny(changes), replicas)
 
 
 @pytest.mark.usefixtures("on_torch")
@@ -320,10 +328,9 @@ def test_the_check_for_memory_of_the_host_can_fail(tiny, monkeypatch):
 
 
 @needs_cuda
-@pytest.mark.parametrize("replicas", [1, 2])
-def test_cuda_graphs_train_as_eager_operations_do(scenario, replicas):
-    if scenario.training.target_kl is not None and replicas > 1:
-        pytest.skip("not to be had")
+@pytest.mark.parametrize(("changes", "replicas"), CASES)
+def test_cuda_graphs_train_as_eager_operations_do(tiny, changes, replicas):
+    scenario = tiny(changes)
     eager, recorded = (
         Trainer(scenario, 3, "cuda", replicas, use_graphs=use) for use in (False, True)
     )
