@@ -1,15 +1,18 @@
 """From which batch size an accelerator pays: steps a second of world and training by device.
 
 The world runs on NumPy and on torch on the CPU, and on torch on a CUDA device where there is
-one; training on each device. Replicas are policies trained side by side in one batch.
-Without a CUDA device the table has the CPU's columns alone, and says so.
+one, compiled, and compiled and recorded as a CUDA graph; training on each device. Replicas are
+policies trained side by side in one batch. Without a CUDA device the table has the CPU's
+columns alone, and says so. The defaults suit a processor; a large GPU takes more:
 
     python benchmarks/devices.py [--repeats 3] [--largest 65536]
+    python benchmarks/devices.py --largest 4194304 --largest-training 65536 --most-policies 4096
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import statistics
 import time
 from collections.abc import Callable
@@ -20,8 +23,9 @@ import numpy as np
 import torch
 
 from iout_marl.scenario import load_scenario
-from iout_marl.world import World, node_codes
+from iout_marl.world import State, World, node_codes
 from trainers import Trainer
+from trainers.graphs import GRAPHS, Graph, Recorded
 
 SCENARIO = "paper/k10-fdd"
 
@@ -32,7 +36,9 @@ def synchronise(device: str) -> None:
         torch.cuda.synchronize()
 
 
-def world_rate(library: Any, device: str, envs: int, slots: int = 100) -> float:
+def world_rate(
+    library: Any, device: str, envs: int, slots: int = 100, *, recorded: bool = False
+) -> float:
     """Environment steps a second, with reward and observation."""
     where = None if library is np else device
     world = World(load_scenario(SCENARIO), envs, library=library, dtype="float32", device=where)
@@ -42,13 +48,33 @@ def world_rate(library: Any, device: str, envs: int, slots: int = 100) -> float:
     draws = rng.random((8, envs, world.num_auvs, len(sizes)))
     actions = [world.backend.integers((draw * sizes).astype(np.int64)) for draw in draws]
     slot = torch.compile(world.slot, fullgraph=True) if device == "cuda" else world.slot
-    state, _, _ = slot(state, actions[0])
+    if recorded:
+        # A graph reads and writes the same memory each time, every field its own.
+        slot = in_place(slot, state.map(torch.clone), GRAPHS[device](torch.device(device)))
+    for action in actions[:2]:  # the second call records
+        state, _, _ = slot(state, action)
     synchronise(device)
     started = time.perf_counter()
-    for t in range(1, slots):
+    for t in range(slots):
         state, _, _ = slot(state, actions[t % len(actions)])
     synchronise(device)
-    return (slots - 1) * envs / (time.perf_counter() - started)
+    return slots * envs / (time.perf_counter() - started)
+
+
+def in_place(
+    slot: Callable[[State, Any], tuple[State, Any, Any]], state: State, graph: Graph
+) -> Callable[[State, Any], tuple[State, Any, Any]]:
+    """The slot, recorded, on a state that stays where it is, whatever state comes in."""
+
+    def play(action: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        after, reward, observation = slot(state, action)
+        for kept, new in zip(state, after, strict=True):
+            if new is not kept:
+                kept.copy_(new)
+        return reward, observation
+
+    recorded = Recorded(play, graph)
+    return lambda _, action: (state, *recorded(action))
 
 
 def training_rate(device: str, envs: int, replicas: int = 1) -> float:
@@ -83,6 +109,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--largest", type=int, default=65_536, help="environments of the world")
+    parser.add_argument("--largest-training", type=int, default=4096, help="environments of it")
+    parser.add_argument("--most-policies", type=int, default=64, help="trained side by side")
     options = parser.parse_args()
     torch.set_num_threads(1)
     print(machine.describe())
@@ -93,17 +121,21 @@ def main() -> None:
         "NumPy": lambda envs: world_rate(np, "cpu", envs),
         **{f"torch, {d}": lambda envs, d=d: world_rate(torch, d, envs) for d in devices},
     }
+    for device in set(devices) & set(GRAPHS):
+        world[f"{device}, graph"] = functools.partial(world_rate, torch, device, recorded=True)
     batches = [4**i for i in range(1, 13) if 4**i <= options.largest]
     table("world, by environments", batches, world, options.repeats)
     training: dict[str, Callable[[int], float]] = {
         d: lambda envs, d=d: training_rate(d, envs) for d in devices
     }
-    table("training, by environments", [b for b in batches if b <= 4096], training, options.repeats)
+    sizes = [4**i for i in range(1, 13) if 4**i <= options.largest_training]
+    table("training, by environments", sizes, training, options.repeats)
     replicas: dict[str, Callable[[int], float]] = {
         d: lambda number, d=d: training_rate(d, 16, number) for d in devices
     }
     title = "training of policies side by side, 16 environments each, by policies"
-    table(title, [1, 4, 16, 64], replicas, options.repeats)
+    numbers = [4**i for i in range(7) if 4**i <= options.most_policies]
+    table(title, numbers, replicas, options.repeats)
 
 
 if __name__ == "__main__":
