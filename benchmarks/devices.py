@@ -25,7 +25,7 @@ import torch
 from iout_marl.scenario import load_scenario
 from iout_marl.world import State, World, node_codes
 from trainers import Trainer
-from trainers.graphs import GRAPHS, Graph, Recorded
+from trainers.graphs import GRAPHS, Graph, Recorded, write_over
 
 SCENARIO = "paper/k10-fdd"
 
@@ -68,9 +68,7 @@ def in_place(
 
     def play(action: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         after, reward, observation = slot(state, action)
-        for kept, new in zip(state, after, strict=True):
-            if new is not kept:
-                kept.copy_(new)
+        write_over(state, after)
         return reward, observation
 
     recorded = Recorded(play, graph)
@@ -134,7 +132,7 @@ def main() -> None:
         d: lambda number, d=d: training_rate(d, 16, number) for d in devices
     }
     title = "training of policies side by side, 16 environments each, by policies"
-    numbers = [4**i for i in range(7) if 4**i <= options.most_policies]
+    numbers = [4**i for i in range(13) if 4**i <= options.most_policies]
     table(title, numbers, replicas, options.repeats)
 
 

@@ -126,7 +126,10 @@ def train(
     overrides: Overrides = None,
     *,
     graphs: Annotated[
-        bool, typer.Option("--graphs/--no-graphs", help="CUDA graphs, on a CUDA device.")
+        bool,
+        typer.Option(
+            "--graphs/--no-graphs", help="On a CUDA device, record the work and replay it."
+        ),
     ] = True,
 ) -> None:
     """Train a policy by PPO. Ctrl-C saves; --resume goes on.
@@ -168,12 +171,15 @@ def train(
             use_graphs=graphs,
         )
     if group.rank == 0:
-        _report(outcome, folder, scenario, settings)
+        _report(outcome, folder, scenario, settings, graphs=graphs)
 
 
-def _report(outcome: TrainingOutcome, run: Path, scenario: str, settings: list[str]) -> None:
+def _report(
+    outcome: TrainingOutcome, run: Path, scenario: str, settings: list[str], *, graphs: bool
+) -> None:
     if not outcome.finished:
         words = ["iout", "train", scenario, "--resume", str(run)]
+        words += [] if graphs else ["--no-graphs"]
         words += [word for setting in settings for word in ("--set", setting)]
         typer.echo(
             f"stopped after {outcome.trainer.env_steps:,} environment steps; "

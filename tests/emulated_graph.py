@@ -12,19 +12,11 @@ from torch.multiprocessing.reductions import StorageWeakRef
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_flatten, tree_map_only
 
-#: Operations whose result the host waits for.
-WAITS = {
-    "aten::_local_scalar_dense",
-    "aten::nonzero",
-    "aten::masked_select",
-    "aten::equal",
-    "aten::is_nonzero",
-    "aten::_unique2",
-}
-#: Those that do so where an index is a mask.
+#: Operations that hold numbers of Python or NumPy, or that the host asks for one; they have no tag.
+OF_THE_HOST = {"aten::lift_fresh", "aten::is_nonzero"}
+#: Those whose result has a size that depends on numbers only where an index is a mask.
 INDEXED = {"aten::index", "aten::index_put", "aten::index_put_", "aten::_index_put_impl_"}
-#: What brings numbers of Python or NumPy to a device, and what draws from a generator.
-NOT_RECORDED = {"aten::lift_fresh", "aten::rand", "aten::randperm", "aten::multinomial"}
+WAITING = {torch.Tag.data_dependent_output, torch.Tag.dynamic_output_shape}
 
 
 class RecordingError(RuntimeError):
@@ -52,9 +44,9 @@ class Outside:
 
 def waits(func, args):
     """Whether the host would wait for an operation."""
-    name = func._schema.name
-    indices = args[1] if name in INDEXED else ()
-    return name in WAITS or any(i is not None and i.dtype == torch.bool for i in indices)
+    if func._schema.name in INDEXED:
+        return any(i is not None and i.dtype == torch.bool for i in args[1])
+    return not WAITING.isdisjoint(func.tags)
 
 
 def key(tensor):
@@ -85,7 +77,8 @@ class EmulatedGraph(TorchDispatchMode):
 
     def __torch_dispatch__(self, func, types, args=(), kwargs=None):
         kwargs = kwargs or {}
-        if waits(func, args) or func._schema.name in NOT_RECORDED:
+        is_noise = torch.Tag.nondeterministic_seeded in func.tags
+        if waits(func, args) or is_noise or func._schema.name in OF_THE_HOST:
             raise RecordingError(func._schema.name)
         kept = tree_map_only(torch.Tensor, self._kept, (args, kwargs))
         results = func(*args, **kwargs)

@@ -8,7 +8,7 @@ written in place.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Generic, Protocol, TypeVar
 
 import torch
@@ -66,6 +66,13 @@ class CudaGraph:
 GRAPHS: dict[str, Callable[[torch.device], Graph]] = {"cuda": CudaGraph}
 
 
+def write_over(kept: Iterable[Tensor], new: Iterable[Tensor]) -> None:
+    """Write each of the new tensors into the memory of the one that is kept."""
+    for old, tensor in zip(kept, new, strict=True):
+        if tensor is not old:
+            old.copy_(tensor)
+
+
 class Recorded(Generic[Result]):
     """A function of tensors that runs as it is when first called, then is recorded and replayed.
 
@@ -84,15 +91,18 @@ class Recorded(Generic[Result]):
         self._function = function
         self._graph = graph
         self._inputs: tuple[Tensor, ...] | None = None
+        self._is_warm = False
         self._results: list[Result] = []
 
     def __call__(self, *inputs: Tensor) -> Result:
         """The function of tensors that are the same in shape and type at each call."""
         if self._inputs is None:
-            self._inputs = tuple(each.clone() for each in inputs)
-            return self._graph.warm_up(self._run)
-        for kept, new in zip(self._inputs, inputs, strict=True):
-            kept.copy_(new)
+            self._inputs = tuple(torch.empty_like(each) for each in inputs)
+        write_over(self._inputs, inputs)
+        if not self._is_warm:
+            result = self._graph.warm_up(self._run)
+            self._is_warm = True
+            return result
         if not self._results:
             self._results.append(self._recorded())
         self._graph.replay()
@@ -101,8 +111,11 @@ class Recorded(Generic[Result]):
     def _recorded(self) -> Result:
         try:
             return self._graph.record(self._run)
+        except torch.OutOfMemoryError:
+            raise
         except RuntimeError as error:
-            reason = str(error).strip().partition("\n")[0]
+            # That a recording has failed is told after, and in place of, what made it fail.
+            reason = str(error.__context__ or error).strip().partition("\n")[0]
             raise InputError(
                 f"the training could not be recorded as CUDA graphs ({reason}); "
                 "--no-graphs trains without"

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World, node_codes, redraws_every_episode
-from trainers.graphs import Graph, Recorded
+from trainers.graphs import Graph, Recorded, write_over
 from trainers.group import Group
 from trainers.laps import Laps
 from trainers.networks import ActorCritic, uniform_noise
@@ -154,9 +154,7 @@ class Simulation:
         if self._new_graph is None:
             self.state = state
             return
-        for kept, new in zip(self.state, state, strict=True):
-            if new is not kept:
-                kept.copy_(new)
+        write_over(self.state, state)
 
     def _first_state(self, previous: State | None = None) -> State:
         if previous is not None and not self._redraws:
@@ -223,7 +221,8 @@ class Simulation:
                 laps("rollout")
             self._slot += 1
             if self._slot >= world.num_slots:
-                rollout.truncated[t] = True
+                # Filled in where it is: a number written by its index would be brought there.
+                rollout.truncated[t].fill_(1)
                 # A time limit is no end of the task: what lies beyond it still counts.
                 values_at_end[t] = self.value(network)
                 rollout.episodes.append(self._means(world.metrics(self.state)))
@@ -247,19 +246,17 @@ class Simulation:
         """Room for a rollout, and its noise; where slots are recorded, the same room as ever."""
         noise = self.uniform_noise(slots)
         key = (network, slots, use_mask)
-        course = self._courses.get(key)
-        if course is None:
-            row = torch.zeros(1, dtype=torch.int64, device=self.device)
-            course = _Course(self._empty(slots, use_mask=use_mask), noise, row)
-        if self._new_graph is None:
-            return course
-        if course.play is None:
-            course.play = Recorded(partial(self._play_next, network, course), self._new_graph())
-            course.judge = Recorded(
-                partial(self._judge, network, course.rollout), self._new_graph()
-            )
+        if key in self._courses:
+            self._courses[key].begin_again(noise)
+            return self._courses[key]
+        row = torch.zeros(1, dtype=torch.int64, device=self.device)
+        course = _Course(self._empty(slots, use_mask=use_mask), noise, row)
+        if self._new_graph is not None:
+            play = partial(self._play_next, network, course)
+            judge = partial(self._judge, network, course.rollout)
+            course.play = Recorded(play, self._new_graph())
+            course.judge = Recorded(judge, self._new_graph())
             self._courses[key] = course
-        course.begin_again(noise)
         return course
 
     def _play_next(self, network: ActorCritic, course: _Course) -> None:
@@ -379,12 +376,12 @@ class Simulation:
     def load_state_dict(self, saved: Sequence[dict[str, Any]]) -> None:
         """Go on from the `state_dict` of each policy."""
         states = [one["state"] for one in saved]
-        joined = {name: torch.cat([s[name][self._own] for s in states]) for name in states[0]}
+        joined = State(*(torch.cat([s[name][self._own] for s in states]) for name in State._fields))
         if self.world.backend.xp is np:
-            self.state = State(**{name: tensor.numpy() for name, tensor in joined.items()})
+            state = joined.map(lambda tensor: tensor.numpy())
         else:
-            self.state = State(**{name: t.to(self.device) for name, t in joined.items()})
-        self._courses.clear()
+            state = joined.map(lambda tensor: tensor.to(self.device))
+        self._go_on_from(state.map(self.world.backend.with_envs_inside))
         self._slot = int(self.state.slot[0])
         for one, rng, generator in zip(saved, self.layout_rngs, self.generators, strict=True):
             rng.bit_generator.state = one["layout_rng"]

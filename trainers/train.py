@@ -151,6 +151,11 @@ def train(
                     _save(runs, trainer, scenario)
                     saved_at = trainer.env_steps
             _save(runs, trainer, scenario)
+    except torch.OutOfMemoryError:
+        raise InputError(
+            f"{out}: not enough memory on {trainer.device}: fewer training.environments, "
+            "training.rollout_slots or --replicas take less"
+        ) from None
     except LostProcessError as error:
         if catch_signals:
             # torchrun now ends those that are left: not before this one has said why.

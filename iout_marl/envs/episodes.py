@@ -175,11 +175,10 @@ class Episodes:
     @property
     def is_over(self) -> bool:
         """Whether the episodes have reached their time limit."""
-        return self._slot >= self.world.num_slots
+        return self._slots_over >= self.world.num_slots
 
     @property
-    def _slot(self) -> int:
-        """How many slots are over."""
+    def _slots_over(self) -> int:
         return int(self._playing.now("slot").item(0))
 
     def observe(self) -> FloatArray:
@@ -204,7 +203,7 @@ class Episodes:
         `harvested_j`, the energy that it brought to a node; `delivered`, 1 if it received
         a packet; `beta` (0 in FDD). Before the first slot these are 0.
         """
-        now, slot = self._playing.now, self._slot
+        now, slot = self._playing.now, self._slots_over
         none = np.zeros((self.world.num_envs, self.world.num_auvs))
         last = self._playing.last if slot else lambda _: none
         return {

@@ -58,11 +58,10 @@ class BatchedPlay:
         return reward
 
     def observe(self) -> npt.NDArray[np.float32]:
-        return self._world.observe(self.state).astype(np.float32, order="C")
+        return _observed(self._world, self.state)
 
     def masks(self) -> npt.NDArray[np.int8]:
-        masks: npt.NDArray[np.int8] = self._world.action_mask(self.state).astype(np.int8)
-        return masks
+        return _masked(self._world, self.state)
 
     def now(self, name: str) -> npt.NDArray[Any]:
         array: npt.NDArray[Any] = getattr(self.state, name)
@@ -79,7 +78,7 @@ class UnrolledPlay:
     def __init__(
         self, slot: UnrolledSlot, world: World, state: State, events: Events | None
     ) -> None:
-        self._slot = slot
+        self._play_slot = slot
         self._world = world
         self._state: State | None = state
         self._events = events
@@ -92,35 +91,43 @@ class UnrolledPlay:
     @property
     def state(self) -> State:
         if self._state is None:
-            self._state = self._slot.state(self._now)
+            self._state = self._play_slot.state(self._now)
         return self._state
 
     @property
     def events(self) -> Events | None:
         if self._events is None and self._last:
-            self._events = self._slot.events(self._last)
+            self._events = self._play_slot.events(self._last)
         return self._events
 
     def step(self, action: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-        result = self._slot(self._now, action.ravel().tolist())
+        result = self._play_slot(self._now, action.ravel().tolist())
         self._now, self._last, rewards, self._seen, self._masks = result
         self._state = self._events = None
         return np.array([rewards])
 
     def observe(self) -> npt.NDArray[np.float32]:
         if not self._seen:
-            return self._world.observe(self.state).astype(np.float32, order="C")
+            return _observed(self._world, self.state)
         return np.array(self._seen, dtype=np.float32).reshape(1, self._world.num_auvs, -1)
 
     def masks(self) -> npt.NDArray[np.int8]:
         if not self._masks:
-            masks: npt.NDArray[np.int8] = self._world.action_mask(self.state).astype(np.int8)
-            return masks
+            return _masked(self._world, self.state)
         return np.array(self._masks, dtype=np.int8).reshape(1, self._world.num_auvs, -1)
 
     def now(self, name: str) -> npt.NDArray[Any]:
-        return np.array([self._now[self._slot.begins_of_state[name]]])
+        return np.array([self._now[self._play_slot.begins_of_state[name]]])
 
     def last(self, name: str) -> npt.NDArray[Any]:
-        begin = self._slot.begins_of_events[name]
+        begin = self._play_slot.begins_of_events[name]
         return np.array([self._last[begin : begin + self._world.num_auvs]])
+
+
+def _observed(world: World, state: State) -> npt.NDArray[np.float32]:
+    return world.observe(state).astype(np.float32, order="C")
+
+
+def _masked(world: World, state: State) -> npt.NDArray[np.int8]:
+    masks: npt.NDArray[np.int8] = world.action_mask(state).astype(np.int8)
+    return masks

@@ -27,9 +27,11 @@ def test_number_by_number_is_as_by_arrays(name, mask):
             found, expected = getattr(unrolled, method)(), getattr(batched, method)()
             assert found.dtype == expected.dtype
             np.testing.assert_array_equal(found, expected)
-        for name in ("slot", "mean_age", "harvested_j"):
+        for name in ("slot", "mean_age", "age_sum", "peak_age", "jain", "harvested_j", "spent_j"):
+            assert unrolled.now(name).dtype == batched.now(name).dtype
             np.testing.assert_array_equal(unrolled.now(name), batched.now(name))
-        for name in ("harvested_j", "delivered"):
+        for name in ("harvested_j", "delivered", "beta"):
+            assert unrolled.last(name).dtype == batched.last(name).dtype
             np.testing.assert_array_equal(unrolled.last(name), batched.last(name))
         for found, expected in zip(
             (*unrolled.state, *unrolled.events), (*batched.state, *batched.events), strict=True

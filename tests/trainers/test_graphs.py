@@ -222,14 +222,57 @@ def test_memory_that_was_given_back_is_missed():
         (lambda x: x * x.sum().item(), "_local_scalar_dense"),
         (lambda x: x[x > 0], "aten::index"),
         (lambda x: x + torch.rand(2), "rand"),
+        (lambda x: x.normal_(), "normal_"),
+        (lambda x: torch.bincount(x.long()), "bincount"),
     ],
-    ids=["numbers", "indices", "a number asked for", "a mask", "noise"],
+    ids=["numbers", "indices", "a number asked for", "a mask", "noise", "in place", "counts"],
 )
 def test_what_a_graph_can_not_hold_is_refused(refused, why):
     recorded, x = Recorded(refused, EmulatedGraph(None)), torch.ones(2)
     recorded(x)
     with pytest.raises(InputError, match=f"CUDA graphs .*{why}.*; --no-graphs trains without"):
         recorded(x)
+
+
+def test_what_made_a_recording_fail_is_told():
+    class Failing(EmulatedGraph):
+        def record(self, function):
+            try:
+                return super().record(function)
+            finally:
+                raise RuntimeError("operation failed due to a previous error during capture")
+
+    recorded, x = Recorded(lambda x: x[x > 0], Failing(None)), torch.ones(2)
+    recorded(x)
+    with pytest.raises(InputError, match="aten::index"):
+        recorded(x)
+
+
+def test_a_first_call_that_was_interrupted_is_made_again():
+    calls = []
+
+    def interrupted_once(x):
+        calls.append(x)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        return x + 1
+
+    graph = EmulatedGraph(None)
+    recorded = Recorded(interrupted_once, graph)
+    with pytest.raises(KeyboardInterrupt):
+        recorded(torch.zeros(()))
+    assert [recorded(torch.tensor(float(x))).item() for x in (1, 2, 3)] == [2, 3, 4]
+    assert graph.replays == 2
+
+
+def test_a_state_that_was_loaded_lies_in_memory_as_a_fresh_one(tiny, emulated):
+    trainer = Trainer(tiny(), 3)
+    fresh = trainer.simulation.state.map(lambda tensor: tensor.stride())
+    iterated(trainer, 2)
+    kept = trainer.simulation.state
+    trainer.load_state_dict(trainer.state_dict())
+    assert trainer.simulation.state is kept
+    assert trainer.simulation.state.map(lambda tensor: tensor.stride()) == fresh
 
 
 # What is recorded works on the device alone. Tensors of the device `meta` have no numbers, but
@@ -337,7 +380,8 @@ def test_cuda_graphs_train_as_eager_operations_do(tiny, changes, replicas):
     for _ in range(4):
         logs = [iterated(trainer, 1) for trainer in (eager, recorded)]
         for first, second in zip(*logs, strict=True):
-            assert second == pytest.approx(first, rel=1e-2, abs=1e-3)
+            # Of few samples, one more that is clipped makes a difference.
+            assert second == pytest.approx(first, rel=1e-2, abs=1e-2)
     for i in range(replicas):
         assert_alike(recorded.weights(i), eager.weights(i), 1e-3)
 

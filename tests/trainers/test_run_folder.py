@@ -166,6 +166,14 @@ class TestCreating:
         message = refusal(lambda: quietly(tiny(), tmp_path / "run"))
         assert "can not be" in message
 
+    def test_too_little_memory_on_the_device(self, tiny, tmp_path, monkeypatch):
+        def too_much(_):
+            raise torch.OutOfMemoryError("CUDA out of memory.\nTried to allocate 1 TiB")
+
+        monkeypatch.setattr(Trainer, "iterate_all", too_much)
+        message = refusal(lambda: quietly(tiny(), tmp_path / "run"))
+        assert "not enough memory on cpu: fewer training.environments" in message
+
 
 class TestResuming:
     def test_no_run(self, tiny, tmp_path):

@@ -5,9 +5,9 @@ takes the clipped-surrogate steps. Every setting is explained in
 `iout_marl.scenario.Training`; every quantity that is logged, in `Trainer.iterate_all`.
 
 On a CUDA device the slots of a rollout, and all that is learnt from it, are recorded as CUDA
-graphs and replayed: in an iteration nothing waits for the host, whose part are the episodes'
-beginnings and the numbers drawn. Not recorded is what several processes exchange, hence nothing
-of theirs; nor is learning with `training.target_kl`, as the host decides when that ends.
+graphs and replayed: the host waits for the device once in an iteration, for the log. Several
+processes record nothing, since what they exchange can not be; with `training.target_kl` the
+learning is not recorded, as the host decides when it ends.
 """
 
 from __future__ import annotations
