@@ -150,7 +150,7 @@ def crossing(access, stored_j, auvs=3, **changes):
     return world.step(state, actions)[1]
 
 
-@pytest.mark.parametrize("size", [1, 2, 3, 5])
+@pytest.mark.parametrize("size", [1, 2, 3, 5, 9])
 def test_powers_can_be_met_where_what_each_adds_to_the_others_dies_away(size):
     rng = np.random.default_rng(size)
     coupling = rng.uniform(0, 2 / max(size - 1, 1), (2000, size, size)) * (1 - np.eye(size))
