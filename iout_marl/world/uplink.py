@@ -19,8 +19,8 @@ from iout_marl.world.backend import Backend
 from iout_marl.world.duplex import Split
 from iout_marl.world.link import Link
 
-#: Up to which NumPy eliminates as fast as it solves, in batches of hundreds of systems.
-_FEW_ROWS = 8
+#: Up to which NumPy eliminates as fast as it solves, in batches of hundreds of systems or more.
+_FEW_ROWS = 4
 
 
 class Request(NamedTuple):
