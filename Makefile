@@ -1,7 +1,7 @@
 # make demo       train the paper's smallest scenario and compare it with the baselines
 # make test       lint, types and the whole test suite
 # make reproduce  the paper's figures, tables and claims: a quarter of an hour on two cores
-# make bench      speed of environment and trainer, side by side with others: ten minutes
+# make bench      speed of environment and trainer, side by side with others: seven minutes
 # make integrations        other people's trainers, each in a virtual environment of its own
 # make integrations-rllib  one of them: agilerl, benchmarl, rllib or tianshou
 
