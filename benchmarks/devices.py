@@ -89,6 +89,11 @@ def training_rate(device: str, envs: int, replicas: int = 1) -> float:
     return replicas * trainer.steps_per_iteration / (time.perf_counter() - started)
 
 
+def powers(first: int, last: int) -> list[int]:
+    """Powers of four, from one to another."""
+    return [4**i for i in range(13) if first <= 4**i <= last]
+
+
 def table(
     title: str, rows: list[int], columns: dict[str, Callable[[int], float]], repeats: int
 ) -> None:
@@ -121,19 +126,17 @@ def main() -> None:
     }
     for device in set(devices) & set(GRAPHS):
         world[f"{device}, graph"] = functools.partial(world_rate, torch, device, recorded=True)
-    batches = [4**i for i in range(1, 13) if 4**i <= options.largest]
-    table("world, by environments", batches, world, options.repeats)
+    table("world, by environments", powers(4, options.largest), world, options.repeats)
     training: dict[str, Callable[[int], float]] = {
         d: lambda envs, d=d: training_rate(d, envs) for d in devices
     }
-    sizes = [4**i for i in range(1, 13) if 4**i <= options.largest_training]
+    sizes = powers(4, options.largest_training)
     table("training, by environments", sizes, training, options.repeats)
     replicas: dict[str, Callable[[int], float]] = {
         d: lambda number, d=d: training_rate(d, 16, number) for d in devices
     }
     title = "training of policies side by side, 16 environments each, by policies"
-    numbers = [4**i for i in range(13) if 4**i <= options.most_policies]
-    table(title, numbers, replicas, options.repeats)
+    table(title, powers(1, options.most_policies), replicas, options.repeats)
 
 
 if __name__ == "__main__":

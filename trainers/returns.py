@@ -8,6 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from trainers.graphs import write_over
 from trainers.group import Group
 from trainers.moments import Moments
 
@@ -92,8 +93,7 @@ class RewardScale:
             reward = self._discounted(reward, truncated)
         dims = (0, -2, -1)
         merged = self._seen.merged(Moments.of(reward, dims, self._group))
-        for kept, new in zip(self._seen, merged, strict=True):
-            kept.copy_(new)
+        write_over(self._seen, merged)
 
     def _discounted(self, reward: Tensor, truncated: Tensor) -> Tensor:
         """The return so far in every slot, with the episodes' beginnings in mind."""

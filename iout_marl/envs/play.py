@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.world import Events, State, World
-from iout_marl.world.unrolled import Numbers, UnrolledSlot
+from iout_marl.world.unrolled import Numbers, UnrolledSlot, numbers
 
 
 class Play(Protocol):
@@ -82,8 +82,8 @@ class UnrolledPlay:
         self._world = world
         self._state: State | None = state
         self._events = events
-        self._now: Numbers = slot.numbers(state)
-        self._last: Numbers = () if events is None else slot.numbers(events)
+        self._now: Numbers = numbers(state)
+        self._last: Numbers = () if events is None else numbers(events)
         #: Observations and masks, where the last slot has come with them.
         self._seen: Numbers = ()
         self._masks: Numbers = ()
@@ -117,11 +117,10 @@ class UnrolledPlay:
         return np.array(self._masks, dtype=np.int8).reshape(1, self._world.num_auvs, -1)
 
     def now(self, name: str) -> npt.NDArray[Any]:
-        return np.array([self._now[self._play_slot.begins_of_state[name]]])
+        return np.array(self._now[self._play_slot.in_state[name]])
 
     def last(self, name: str) -> npt.NDArray[Any]:
-        begin = self._play_slot.begins_of_events[name]
-        return np.array([self._last[begin : begin + self._world.num_auvs]])
+        return np.array([self._last[self._play_slot.in_events[name]]])
 
 
 def _observed(world: World, state: State) -> npt.NDArray[np.float32]:

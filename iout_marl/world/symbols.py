@@ -8,13 +8,14 @@ only builds tables of known numbers is left to NumPy.
 from __future__ import annotations
 
 import functools
-import math
 import operator
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from iout_marl.world.program import Program, Symbol, divide, expm1, sqrt
 
 #: Types of numbers, the widest last.
 _KINDS = (bool, int, float)
@@ -23,109 +24,6 @@ _KIND_OF = {"b": bool, "i": int, "u": int, "f": float}
 
 class UnknownOperationError(Exception):
     """An operation that is not written down for symbols."""
-
-
-class Symbol:
-    """A number that is not known yet: a name in a program."""
-
-    __slots__ = ("name", "program")
-
-    def __init__(self, program: Program, name: str) -> None:
-        self.program = program
-        self.name = name
-
-
-class Program:
-    """The lines that lead from parameters to results."""
-
-    def __init__(self) -> None:
-        #: By expression: the symbol that stands for it, and the symbols in it.
-        self._lines: dict[str, tuple[Symbol, list[Symbol]]] = {}
-        self._tables: dict[Any, tuple[str, npt.NDArray[Any]]] = {}
-
-    def parameters(self, name: str, array: npt.NDArray[Any]) -> SymbolArray:
-        """An array of symbols, of the shape and type of another one.
-
-        They are called by a name and their place.
-        """
-        values = np.empty(array.size, dtype=object)
-        for i in range(array.size):
-            values[i] = Symbol(self, f"{name}_{i}")
-        return SymbolArray(values.reshape(array.shape), _KIND_OF[array.dtype.kind])
-
-    def line(self, form: str, *operands: Any) -> Symbol:
-        """The value of an expression, a form with operands in its braces.
-
-        The same expression gives the same symbol.
-        """
-        expression = form.format(*(_source(each) for each in operands))
-        if expression not in self._lines:
-            symbol = Symbol(self, f"v{len(self._lines)}")
-            self._lines[expression] = symbol, [o for o in operands if isinstance(o, Symbol)]
-        return self._lines[expression][0]
-
-    def table(self, values: npt.NDArray[Any]) -> str:
-        """The name of a table of known numbers."""
-        place = (values.ctypes.data, values.shape, values.strides, values.dtype)
-        # Kept along with its array, whose place in memory no other one can take then.
-        name, _ = self._tables.setdefault(place, (f"table_{len(self._tables)}", values))
-        return name
-
-    def function(
-        self, parameters: Sequence[Sequence[Any]], results: Sequence[Sequence[Any]]
-    ) -> Callable[..., Any]:
-        """A function from a tuple of numbers for each of the parameters to one for each result.
-
-        Lines that no result needs are left out.
-        """
-        names = [f"parameter_{i}" for i in range(len(parameters))]
-        taken = [f"{_tuple(p)} = {n}" for n, p in zip(names, parameters, strict=True) if len(p)]
-        needed = {id(each) for result in results for each in result}
-        lines = []
-        for expression, (symbol, operands) in reversed(self._lines.items()):
-            if id(symbol) in needed:
-                needed.update(id(operand) for operand in operands)
-                lines.append(f"{symbol.name} = {expression}")
-        body = [*taken, *reversed(lines), f"return {', '.join(map(_tuple, results))}"]
-        source = "\n    ".join([f"def function({', '.join(names)}):", *body])
-        # Of a view of memory an entry is a plain number, and nothing is copied.
-        scope: dict[str, Any] = {name: table.data for name, table in self._tables.values()}
-        scope |= _CALLED
-        exec(source, scope)
-        function: Callable[..., Any] = scope["function"]
-        return function
-
-
-def _source(operand: Any) -> str:
-    if isinstance(operand, Symbol):
-        return operand.name
-    if isinstance(operand, np.generic):
-        operand = operand.item()
-    return operand if isinstance(operand, str) else f"({operand!r})"
-
-
-def _tuple(operands: Sequence[Any]) -> str:
-    return f"({''.join(f'{_source(each)}, ' for each in operands)})"
-
-
-# What NumPy does where Python would raise an error; its own exponential, to the last digit.
-
-
-def _divide(dividend: float, divisor: float) -> float:
-    with np.errstate(all="ignore"):
-        return float(np.float64(dividend) / np.float64(divisor))
-
-
-def _sqrt(value: float) -> float:
-    return math.nan if value < 0 else math.sqrt(value)
-
-
-def _expm1(value: float) -> float:
-    return float(np.expm1(value))
-
-
-#: What expressions call, or Python's way to write a number.
-_CALLED = {"inf": math.inf, "nan": math.nan, "divide": _divide, "sqrt": _sqrt, "expm1": _expm1}
 
 
 def _program_of(*operands: Any) -> Program | None:
@@ -165,7 +63,7 @@ _add_integers = _elementwise("{} + {}", operator.add, neutral=0)
 _subtract = _elementwise("{} - {}", operator.sub)
 _multiply = _elementwise("{} * {}", operator.mul)
 _multiply_alike = _elementwise("{} * {}", operator.mul, neutral=1)
-_divided = _elementwise("{0} / {1} if {1} else divide({0}, {1})", _divide)
+_divided = _elementwise("{0} / {1} if {1} else divide({0}, {1})", divide)
 _negated = _elementwise("-{}", operator.neg)
 _squared = _elementwise("{0} * {0}", lambda value: value * value)
 _and = _elementwise("{} and {}", lambda a, b: a and b, neutral=True)
@@ -190,8 +88,8 @@ _to_float = {
     bool: _elementwise("1.0 if {} else 0.0", float),
     int: _elementwise("float({})", float),
 }
-_root = _elementwise("sqrt({})", _sqrt)
-_exponential_less_one = _elementwise("expm1({})", _expm1)
+_root = _elementwise("sqrt({})", sqrt)
+_exponential_less_one = _elementwise("expm1({})", expm1)
 
 
 def _kind(operand: Any) -> type:
@@ -204,7 +102,8 @@ def _widest(*operands: Any) -> type:
     return max((_kind(operand) for operand in operands), key=_KINDS.index)
 
 
-def _objects(operand: Any) -> Any:
+def objects(operand: Any) -> Any:
+    """The symbols and numbers of an array; any other operand as it is."""
     return operand.values if isinstance(operand, SymbolArray) else operand
 
 
@@ -218,6 +117,11 @@ class SymbolArray:
     def __init__(self, values: Any, kind: type) -> None:
         self.values: npt.NDArray[Any] = np.asarray(values, dtype=object)
         self.kind = kind
+
+    @classmethod
+    def unknown(cls, program: Program, name: str, like: npt.NDArray[Any]) -> SymbolArray:
+        """Parameters of a program, in the shape and of the kind of an array."""
+        return cls(program.parameters(name, like.shape), _KIND_OF[like.dtype.kind])
 
     def __array_namespace__(self, api_version: str | None = None) -> Any:
         return LIBRARY
@@ -259,7 +163,7 @@ class SymbolArray:
 
     def __matmul__(self, other: Any) -> SymbolArray:
         """With a vector."""
-        if np.ndim(_objects(other)) != 1:
+        if np.ndim(objects(other)) != 1:
             raise UnknownOperationError("a product with a matrix on the right")
         return _sum(self * other, -1)
 
@@ -314,7 +218,7 @@ class SymbolArray:
 
 
 def _of(function: Callable[..., npt.NDArray[Any]], kind: type, *operands: Any) -> SymbolArray:
-    return SymbolArray(function(*(_objects(operand) for operand in operands)), kind)
+    return SymbolArray(function(*(objects(operand) for operand in operands)), kind)
 
 
 def _of_flags(function: Callable[..., npt.NDArray[Any]], *operands: Any) -> SymbolArray:
@@ -332,7 +236,7 @@ def _reduced(
 
 
 def _concat(arrays: Sequence[Any], axis: int = 0) -> SymbolArray:
-    parts = [np.asarray(_objects(a), dtype=object) for a in arrays]
+    parts = [np.asarray(objects(a), dtype=object) for a in arrays]
     return SymbolArray(np.concatenate(parts, axis=axis), _widest(*arrays))
 
 
@@ -353,7 +257,7 @@ def _take(table: Any, index: Any) -> SymbolArray:
             return i.program.line(form, *table.values, i)
         return i.program.line("{}[{}]", i.program.table(table), i)
 
-    entries = np.frompyfunc(each, 1, 1)(np.asarray(_objects(index), dtype=object))
+    entries = np.frompyfunc(each, 1, 1)(np.asarray(objects(index), dtype=object))
     return SymbolArray(entries, _kind(table))
 
 

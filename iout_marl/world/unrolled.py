@@ -10,7 +10,9 @@ what it gains.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+import itertools
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,12 +20,16 @@ import numpy.typing as npt
 
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
+from iout_marl.world.grid import Grid
+from iout_marl.world.program import Program
 from iout_marl.world.state import Events, State
-from iout_marl.world.symbols import LIBRARY, Program, SymbolArray
+from iout_marl.world.symbols import LIBRARY, SymbolArray, objects
 from iout_marl.world.world import World
 
 #: Plain numbers, in the order in which they lie in one array or in several, one after the other.
 Numbers: TypeAlias = tuple[Any, ...]
+#: Shape and type of an array.
+Form: TypeAlias = tuple[tuple[int, ...], np.dtype[Any]]
 #: Up to which numbers of pairs of an AUV and a node, of AUVs and of cells it pays. The function
 #: grows with pairs, whatever the scenario has an AUV see, and with pairs of AUVs; tables with
 #: cells. From eight AUVs on, NumPy's sums over them would also differ in the last digit.
@@ -33,7 +39,7 @@ MOST_PAIRS, MOST_AUVS, MOST_CELLS = 40, 4, 20_000
 def pays_unrolled(scenario: Scenario) -> bool:
     """Whether an `UnrolledSlot` of a scenario takes less time than the world on NumPy."""
     pairs = scenario.num_auvs * scenario.num_nodes
-    cells = int(np.prod(scenario.grid.cells))
+    cells = Grid(scenario.grid.cells).num_cells
     return pairs <= MOST_PAIRS and scenario.num_auvs <= MOST_AUVS and cells <= MOST_CELLS
 
 
@@ -58,19 +64,19 @@ class UnrolledSlot:
         program, world = Program(), World(scenario, library=LIBRARY)
         state = World(scenario).reset(np.zeros((1, world.num_nodes), dtype=np.int64))
         shape = (1, world.num_auvs, len(world.action_sizes))
-        action = program.parameters("action", np.zeros(shape, dtype=np.int64))
-        before = State(*(program.parameters(k, v) for k, v in state._asdict().items()))
+        action = SymbolArray.unknown(program, "action", np.zeros(shape, dtype=np.int64))
+        before = State(*(SymbolArray.unknown(program, *item) for item in state._asdict().items()))
         after, events = world.step(before, action)
         mask = [world.action_mask(after)] if with_mask else []
         results = [after, events, [world.reward(after, events)], [world.observe(after)], mask]
         self._function = program.function(
-            [_objects(before), _objects([action])], [_objects(each) for each in results]
+            [numbers(before), numbers([action])], [numbers(each) for each in results]
         )
         self._state = [(array.shape, array.dtype) for array in state]
         self._events = [(array.shape, array.dtype) for array in events]
-        #: Where in the numbers of a state, and of events, each of its arrays begins.
-        self.begins_of_state = _begins(State._fields, state)
-        self.begins_of_events = _begins(Events._fields, events)
+        #: Where in the numbers of a state, and of events, those of each array are.
+        self.in_state = _places(State._fields, self._state)
+        self.in_events = _places(Events._fields, self._events)
 
     def __call__(
         self, state: Numbers, action: Sequence[int]
@@ -88,37 +94,31 @@ class UnrolledSlot:
         result: tuple[Numbers, Numbers, Numbers, Numbers, Numbers] = self._function(state, action)
         return result
 
-    @staticmethod
-    def numbers(arrays: State | Events) -> Numbers:
-        """The numbers of a state, or of events."""
-        return tuple(number for array in arrays for number in array.ravel().tolist())
-
-    def state(self, numbers: Numbers) -> State:
+    def state(self, of: Numbers) -> State:
         """The state of these numbers."""
-        return State(*_arrays(numbers, self._state))
+        return State(*_arrays(of, self.in_state, self._state))
 
-    def events(self, numbers: Numbers) -> Events:
+    def events(self, of: Numbers) -> Events:
         """The events of these numbers."""
-        return Events(*_arrays(numbers, self._events))
+        return Events(*_arrays(of, self.in_events, self._events))
 
 
-def _objects(arrays: Sequence[Array]) -> list[Any]:
-    """Symbols and numbers of arrays, one after the other."""
-    values = [a.values if isinstance(a, SymbolArray) else a for a in arrays]
-    return [each for array in values for each in array.ravel().tolist()]
+def numbers(arrays: Sequence[Array]) -> Numbers:
+    """The numbers, or symbols, of arrays, such as a state, one after the other."""
+    return tuple(each for array in arrays for each in objects(array).ravel().tolist())
 
 
-def _begins(names: Sequence[str], arrays: Sequence[Array]) -> dict[str, int]:
-    sizes = [int(np.prod(array.shape)) for array in arrays]
-    return dict(zip(names, np.cumsum([0, *sizes]).tolist(), strict=False))
+def _places(names: Sequence[str], forms: Sequence[Form]) -> dict[str, slice]:
+    """Where the numbers of each of the arrays are, by name."""
+    ends = itertools.accumulate(math.prod(shape) for shape, _ in forms)
+    places = itertools.starmap(slice, itertools.pairwise([0, *ends]))
+    return dict(zip(names, places, strict=True))
 
 
 def _arrays(
-    numbers: Numbers, forms: Sequence[tuple[tuple[int, ...], np.dtype[Any]]]
+    of: Numbers, places: Mapping[str, slice], forms: Sequence[Form]
 ) -> list[npt.NDArray[Any]]:
-    arrays, begin = [], 0
-    for shape, dtype in forms:
-        end = begin + int(np.prod(shape))
-        arrays.append(np.array(numbers[begin:end], dtype=dtype).reshape(shape))
-        begin = end
-    return arrays
+    return [
+        np.array(of[place], dtype=dtype).reshape(shape)
+        for place, (shape, dtype) in zip(places.values(), forms, strict=True)
+    ]

@@ -8,8 +8,9 @@ from test_world_laws import ACCESS, NAMES, STARTS
 
 from iout_marl.scenario import load_scenario
 from iout_marl.world import World, node_codes
-from iout_marl.world.symbols import LIBRARY, Program, UnknownOperationError
-from iout_marl.world.unrolled import UnrolledSlot, pays_unrolled, unrolled_slot
+from iout_marl.world.program import Program
+from iout_marl.world.symbols import LIBRARY, SymbolArray, UnknownOperationError
+from iout_marl.world.unrolled import UnrolledSlot, numbers, pays_unrolled, unrolled_slot
 
 #: Settings that between them use every part of the world.
 PARTS = st.fixed_dictionaries(
@@ -40,27 +41,23 @@ PAPERS_REWARD = st.fixed_dictionaries(
 )
 
 
-def numbers(*arrays):
-    return [number for array in arrays for number in np.ravel(array).tolist()]
-
-
 def assert_alike(scenario, slots=40, seed=0):
     world = World(scenario)
     rng = np.random.default_rng(seed)
     state = world.reset(node_codes(scenario, world.grid, [rng]))
     slot = UnrolledSlot(scenario, with_mask=True)
-    now = slot.numbers(state)
+    now = numbers(state)
     for _ in range(slots):
         shape = (1, world.num_auvs)
         action = np.stack([rng.integers(0, n, shape) for n in world.action_sizes], axis=-1)
         state, events = world.step(state, action)
-        now, last, reward, observation, mask = slot(now, numbers(action))
-        assert list(now) == numbers(*state)
-        assert list(last) == numbers(*events)
+        now, last, reward, observation, mask = slot(now, numbers([action]))
+        assert now == numbers(state)
+        assert last == numbers(events)
         # Sums with weights: NumPy adds up in an order of its own.
         np.testing.assert_allclose(reward, world.reward(state, events)[0], 1e-12, 1e-12)
-        assert list(observation) == numbers(world.observe(state))
-        assert list(mask) == numbers(world.action_mask(state))
+        assert observation == numbers([world.observe(state)])
+        assert mask == numbers([world.action_mask(state)])
         again = (*slot.state(now), *slot.events(last))
         for found, array in zip(again, (*state, *events), strict=True):
             assert found.dtype == array.dtype
@@ -109,7 +106,9 @@ def test_unrolled_slot_of_a_scenario_is_made_once():
 def evaluated(function, *values):
     """A function of symbols at some values."""
     program = Program()
-    symbols = [program.parameters(f"x{i}", np.array([value])) for i, value in enumerate(values)]
+    symbols = [
+        SymbolArray.unknown(program, f"x{i}", np.array([value])) for i, value in enumerate(values)
+    ]
     parameters = [symbol.values.tolist() for symbol in symbols]
     result = program.function(parameters, [function(*symbols).values.tolist()])
     return result(*((value,) for value in values))[0]
@@ -124,7 +123,7 @@ def test_a_number_out_of_bounds_is_what_numpy_makes_of_it():
 
 def test_lines_without_a_use_and_repeated_ones_are_left_out():
     program = Program()
-    a = program.parameters("a", np.array([2.0]))
+    a = SymbolArray.unknown(program, "a", np.array([2.0]))
     assert (a + 1.0).values[0] is (a + 1.0).values[0]
     unused = a * 7.0
     function = program.function([a.values.tolist()], [((a + 1.0) * (a + 1.0)).values.tolist()])
@@ -149,4 +148,4 @@ def test_lines_without_a_use_and_repeated_ones_are_left_out():
 )
 def test_what_no_symbol_can_answer_is_refused(operation):
     with pytest.raises(UnknownOperationError):
-        operation(Program().parameters("a", np.array([2.0, 1.0])))
+        operation(SymbolArray.unknown(Program(), "a", np.array([2.0, 1.0])))
