@@ -62,7 +62,8 @@ class UnrolledSlot:
 
     def __init__(self, scenario: Scenario, *, with_mask: bool = False) -> None:
         program, world = Program(), World(scenario, library=LIBRARY)
-        state = World(scenario).reset(np.zeros((1, world.num_nodes), dtype=np.int64))
+        # Of a first state every number is known.
+        state = world.reset(np.zeros((1, world.num_nodes), dtype=np.int64))
         shape = (1, world.num_auvs, len(world.action_sizes))
         action = SymbolArray.unknown(program, "action", np.zeros(shape, dtype=np.int64))
         before = State(*(SymbolArray.unknown(program, *item) for item in state._asdict().items()))
