@@ -2,6 +2,7 @@
 # make test       lint, types and the whole test suite
 # make reproduce  the paper's figures, tables and claims: a quarter of an hour on two cores
 # make bench      speed of environment and trainer, side by side with others: seven minutes
+# make campaigns  bad input, kills and random slots by the thousand: half an hour
 # make integrations        other people's trainers, each in a virtual environment of its own
 # make integrations-rllib  one of them: agilerl, benchmarl, rllib or tianshou
 
@@ -10,7 +11,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := runs/demo
 
-.PHONY: demo reproduce docs test lint types pytest format bench integrations clean
+.PHONY: demo reproduce docs test lint types pytest campaigns format bench integrations clean
 
 # Each stamp stands for an installation that need not be repeated.
 RUNTIME := $(VENV)/.runtime-installed
@@ -73,6 +74,9 @@ types: $(TEST)
 
 pytest: $(TEST)
 	$(BIN)/pytest -n auto
+
+campaigns: $(TEST)
+	PYTHONPATH=tests $(BIN)/python -m campaigns
 
 format: $(TEST)
 	$(BIN)/ruff check --fix .

@@ -32,7 +32,7 @@ from iout_marl.scenario import bundled_names, load_scenario, to_yaml
 if TYPE_CHECKING:
     from trainers import TrainingOutcome
 
-#: What Typer raises for a command line that it can not read.
+#: What Typer raises for a command line that it cannot read.
 UsageError = cast("type[Exception]", typer.BadParameter.__base__)
 #: Seeds of torch have 64 bits.
 MAX_SEED = 2**64 - 1

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any, NoReturn
+
+from filelock import FileLock, Timeout
 
 from iout_marl.errors import InputError
+
+#: The file by which a process keeps others out of a folder; it stays when the process ends.
+LOCK_NAME = ".lock"
 
 
 def write_atomically(path: Path, data: bytes) -> None:
     """Write a file so that at every moment either the old or the new one is there, whole.
 
     Raises:
-        InputError: it can not be written (a full disk, say); what was there stands.
+        InputError: it cannot be written (a full disk, say); what was there stands.
     """
     write_together({path: data})
 
@@ -23,7 +30,7 @@ def write_together(files: Mapping[Path, bytes]) -> None:
     """Write files that belong together: none takes its place before all of them are on the disk.
 
     Raises:
-        InputError: one can not be written; what was there stands.
+        InputError: one cannot be written; what was there stands.
     """
     parts = {path: path.with_name(path.name + ".part") for path in files}
     path = next(iter(files))
@@ -40,16 +47,78 @@ def write_together(files: Mapping[Path, bytes]) -> None:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
         kept = "; the one before stands" if path.exists() else ""
-        raise InputError(f"{path}: can not be written: {error.strerror}{kept}") from None
+        raise InputError(f"{path}: cannot be written: {error.strerror}{kept}") from None
 
 
 def write_text(path: Path, text: str) -> None:
     """Write a text where a user wants it, with a line break at its end; a pipe will do.
 
     Raises:
-        InputError: it can not be written.
+        InputError: it cannot be written.
     """
     try:
         path.write_text(text + "\n", encoding="utf-8")
     except OSError as error:
-        raise InputError(f"{path}: can not be written: {error.strerror}") from None
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def to_json(data: Any, *, indent: int | None = None) -> str:
+    """Data as JSON that every reader understands, without a line break at its end.
+
+    Raises:
+        ValueError: a number in it is NaN or infinite, for which JSON has no word.
+    """
+    separators = (",", ":") if indent is None else None
+    return json.dumps(data, indent=indent, separators=separators, allow_nan=False)
+
+
+def parse_json(text: str) -> Any:
+    """What a JSON text of unknown origin says.
+
+    Raises:
+        ValueError: it is no JSON, holds NaN or an infinity, or is nested too deeply.
+    """
+
+    def refuse(constant: str) -> NoReturn:
+        raise ValueError(f"{constant} is no number of JSON")
+
+    try:
+        return json.loads(text, parse_constant=refuse)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+
+
+def read_json(path: Path) -> Any:
+    """What a JSON file says.
+
+    Raises:
+        InputError: it cannot be read, or is no JSON.
+    """
+    try:
+        return parse_json(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise InputError(f"{path}: cannot be read: damaged, it is no JSON ({error})") from None
+
+
+@contextmanager
+def locked(folder: Path, refusal: str) -> Iterator[None]:
+    """Keep other processes out of a folder; the system lets go when this one ends, however it does.
+
+    Args:
+        folder: the folder, which must be there.
+        refusal: what to say if another process has it, such as "another study is running in it".
+
+    Raises:
+        InputError: another process has it, or the lock cannot be written.
+    """
+    lock = FileLock(folder / LOCK_NAME, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise InputError(f"{folder}: {refusal}") from None
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+    with lock:
+        yield

@@ -249,7 +249,7 @@ def check_copies_continue(make: EnvFactory, seed: int) -> None:
     env.reset(seed=seed)
     for _ in zip(range(3), _slots(env, rng), strict=False):
         pass
-    with _blamed("the environment can not be copied"):
+    with _blamed("the environment cannot be copied"):
         copies = {"deep copy": copy.deepcopy(env), "pickle": pickle.loads(pickle.dumps(env))}
     original = play_on(env, seed + 1)
     for what, twin in copies.items():

@@ -20,7 +20,7 @@ WAITING = {torch.Tag.data_dependent_output, torch.Tag.dynamic_output_shape}
 
 
 class RecordingError(RuntimeError):
-    """An operation that a CUDA graph can not hold."""
+    """An operation that a CUDA graph cannot hold."""
 
 
 class MemoryGoneError(Exception):

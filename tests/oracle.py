@@ -367,7 +367,7 @@ class Oracle:
         self.spent_j += energy_j
 
     def share_the_band(self, sending: dict[int, int], alone: dict[int, float]) -> None:
-        """Powers raised step by step until all are heard; if they can not be, one falls silent."""
+        """Powers raised step by step until all are heard; if they cannot be, one falls silent."""
         spacing = self.scenario.grid.spacing_m
         while sending:
             energy = {auv: alone[auv] for auv in sending}

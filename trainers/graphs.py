@@ -84,7 +84,7 @@ class Recorded(Generic[Result]):
         graph: records it.
 
     Raises:
-        InputError: when called, the graph can not hold what the function does.
+        InputError: when called, the graph cannot hold what the function does.
     """
 
     def __init__(self, function: Callable[..., Result], graph: Graph) -> None:

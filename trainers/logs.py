@@ -94,7 +94,7 @@ class TrainingLog:
         was logged has gone into logging that one.
 
         Raises:
-            InputError: a file can not be written.
+            InputError: a file cannot be written.
         """
         now = time.monotonic()
         share = self._writing_s / max(now - self._last_write, 1e-9)
@@ -155,7 +155,7 @@ class _RunLog:
                 raise self._unwritable(error) from None
 
     def _unwritable(self, error: OSError) -> InputError:
-        return InputError(f"{self._run.path}: can not be written: {error.strerror}")
+        return InputError(f"{self._run.path}: cannot be written: {error.strerror}")
 
 
 def _cut_off(run: RunFolder, env_steps: int) -> None:

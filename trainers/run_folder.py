@@ -65,7 +65,7 @@ class RunFolder:
         try:
             used = any((self.path / name).exists() for name in RESULTS)
         except OSError as error:
-            raise InputError(f"{self.path}: can not be read: {error.strerror}") from None
+            raise InputError(f"{self.path}: cannot be read: {error.strerror}") from None
         if used:
             raise InputError(
                 f"{self.path}: holds a run already; go on with it by --resume {self.path}, "
@@ -76,14 +76,14 @@ class RunFolder:
         """Make the folder for a new run; what `refuse_if_used` finds would be written over.
 
         Raises:
-            InputError: it can not be made.
+            InputError: it cannot be made.
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             for leftover in (self.metrics_path, *self.path.glob("events.out.tfevents.*")):
                 leftover.unlink(missing_ok=True)
         except OSError as error:
-            raise InputError(f"{self.path}: can not be made: {error.strerror}") from None
+            raise InputError(f"{self.path}: cannot be made: {error.strerror}") from None
         self.write_scenario(scenario)
 
     def write_scenario(self, scenario: Scenario) -> None:
@@ -184,7 +184,7 @@ class RunFolder:
         _check_version(path, shape)
         lacking = {"world_hash", "source_world_hash", "mask_actions"} - set(shape)
         if lacking:
-            raise InputError(f"{path}: can not be read: lacks {min(lacking)!r}")
+            raise InputError(f"{path}: cannot be read: lacks {min(lacking)!r}")
         return shape
 
     def load_policy(self, device: str | torch.device = "cpu") -> TrainedPolicy:
@@ -216,11 +216,11 @@ def readable(path: Path) -> Iterator[None]:
             f"{path}: refused: damaged, or it holds Python objects, which could run any code"
         ) from None
     except OSError as error:
-        raise InputError(f"{path}: can not be read: {error.strerror}") from None
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     except Exception as error:
         # What a loader raises on a damaged file depends on where the damage lies.
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise InputError(f"{path}: can not be read: {reason}") from None
+        raise InputError(f"{path}: cannot be read: {reason}") from None
 
 
 def _check_version(path: Path, saved: Any) -> None:

@@ -107,7 +107,7 @@ def train(
 
     Raises:
         InputError: `out` holds a run already (or, to resume, none, or one of another
-            scenario), or can not be written; another process of the group was lost; or the
+            scenario), or cannot be written; another process of the group was lost; or the
             work could not be recorded as CUDA graphs.
     """
     started = time.perf_counter()
@@ -192,7 +192,7 @@ def _several_in(out: Path) -> list[RunFolder]:
     try:
         folders = [path.parent.name for path in out.glob("*/scenario.yaml")]
     except OSError as error:
-        raise InputError(f"{out}: can not be read: {error.strerror}") from None
+        raise InputError(f"{out}: cannot be read: {error.strerror}") from None
     matches = (re.fullmatch(r"seed-(\d+)", name) for name in folders)
     seeds = sorted(int(match[1]) for match in matches if match)
     return [RunFolder(out / f"seed-{seed}") for seed in seeds]

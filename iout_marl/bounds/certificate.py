@@ -74,7 +74,7 @@ class Certificate:
                 record["world_hash"], record["age_sum"], levels_j, prices, record.get("oldest")
             )
         except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"certificate: can not be read: {error}") from None
+            raise InputError(f"certificate: cannot be read: {error}") from None
 
 
 def verified_age_sum(scenario: Scenario, certificate: Certificate) -> int:

@@ -31,7 +31,7 @@ ROUNDING = Fraction(1, 10**11)
 class Game(NamedTuple):
     """What can be done in a slot; levels count from 0, the last is without limit.
 
-    Tables are (cells, levels) levels after; the number of levels stands for what can not be.
+    Tables are (cells, levels) levels after; the number of levels stands for what cannot be.
     """
 
     neighbours: Integers  # (cells, directions) the cell that each direction leads to

@@ -47,7 +47,7 @@ ROUNDING = 1e-11
 class Tables(NamedTuple):
     """Where a slot takes the level of a node, (nodes, cells, levels) each.
 
-    Entries are levels; the number of levels stands for what can not be. `both` is charging
+    Entries are levels; the number of levels stands for what cannot be. `both` is charging
     and delivery in one slot; in TDD it is not there: there `deliver` and `charge` are the two
     outcomes of naming the node.
     """
@@ -107,7 +107,7 @@ def _level(levels_j: Floats, energy_j: Floats) -> Integers:
 
 
 def _paid(levels_j: Floats, energy_j: Floats, price_j: Floats, tolerance_j: float) -> Integers:
-    """The level after a payment; the number of levels where the energy can not pay."""
+    """The level after a payment; the number of levels where the energy cannot pay."""
     pays = energy_j + tolerance_j > price_j
     left_j = np.maximum(energy_j - price_j, 0.0)
     return np.where(pays, _level(levels_j, left_j), len(levels_j))
@@ -140,7 +140,7 @@ def _stored_rule(
     surplus_j = poor_j + duplex.beta_min * harvest_j - least_j
     left_j = np.maximum(np.where(sends_j, levels_j - uplink_j, 0.0), np.maximum(surplus_j, 0.0))
     deliver = np.where(pays | sends_j, _level(levels_j, left_j), -1)
-    # A level holds an energy that can not deliver if the level below it, or 0, can not.
+    # A level holds an energy that cannot deliver if the level below it, or 0, cannot.
     below_j = np.concatenate([[0.0], levels_j[:-1]]) - tolerance_j
     below_pays = ~np.isnan(_smallest_beta(world, below_j, harvested_w, power_per_snr_w))
     can_fail = ~below_pays & (below_j <= uplink_j)

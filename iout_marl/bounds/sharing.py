@@ -95,7 +95,7 @@ class Programme:
         self._row = (np.arange(shape[0]) % cells)[:, None] * (shape[1] + 1)
         self._after_move = np.empty(shape, dtype=np.float32)
         self._kept = np.empty((cells, *shape[1:]), dtype=np.float32)
-        # One more level, which stands for what can not be.
+        # One more level, which stands for what cannot be.
         self._named = np.empty((cells, shape[1] + 1, shape[2]), dtype=np.float32)
 
     def wish(self, node: int, naming: Floats, presence: Floats) -> Wish:

@@ -85,7 +85,7 @@ class Episodes:
         self._layout: npt.NDArray[np.int64] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        # A world holds its array library, which can not be copied, nor can a function made
+        # A world holds its array library, which cannot be copied, nor can a function made
         # of it; but they hold nothing that changes, either.
         state = {**vars(self), "world": None, "_play": None}
         return state | {"_played": self._play and (self._play.state, self._play.events)}

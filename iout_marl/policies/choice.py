@@ -147,7 +147,7 @@ def _drowns(first: Floats, second: Floats) -> npt.NDArray[np.bool_]:
     """Whether of two AUVs that charge for these shares one spoils what the other hears.
 
     An AUV that charges the longer drowns the uplink to one that listens meanwhile. Where the
-    node was charged for just what it needs, it can not make up for it.
+    node was charged for just what it needs, it cannot make up for it.
     """
     shorter, longer = np.minimum(first, second), np.maximum(first, second)
     return (shorter > 0) & (shorter < longer)

@@ -18,7 +18,7 @@ def place_nodes(cells: Integers, smallest: float) -> tuple[Floats, Floats]:
 
     Args:
         cells: (nodes, 2) as seen, so that nodes one behind the other share a cell.
-        smallest: radius in cells below which a node can not be seen.
+        smallest: radius in cells below which a node cannot be seen.
 
     Returns:
         (nodes, 2) centres and (nodes,) radii, in cells.

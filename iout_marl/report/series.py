@@ -16,7 +16,7 @@ _NO_DATA = (1.0, 10.0)  # a logarithmic axis without any
 
 @dataclass(frozen=True)
 class Series:
-    """A line as it is drawn. NaN stands for what can not be drawn or is not known.
+    """A line as it is drawn. NaN stands for what cannot be drawn or is not known.
 
     Attributes:
         colour: `#rrggbb`.

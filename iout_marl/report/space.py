@@ -87,7 +87,7 @@ def _path(trajectory: Trajectory) -> dict[str, Any]:
         "type": "scatter3d",
         "mode": "lines",
         "name": "path",
-        "showlegend": False,  # a legend's entry can not have many colours
+        "showlegend": False,  # a legend's entry cannot have many colours
         **_along(trajectory.path),
         "line": {
             "color": list(range(slots + 1)),

@@ -17,7 +17,7 @@ def write_report(report: Report, folder: Path) -> None:
     Each file is replaced as a whole; the page, which links to the others, is the last.
 
     Raises:
-        InputError: the folder can not be made or a file can not be written.
+        InputError: the folder cannot be made or a file cannot be written.
         ValueError: two parts have the same key, or a key makes no file name.
     """
     pictures = {figure.key: draw(figure) for figure in report.figures()}
@@ -26,7 +26,7 @@ def write_report(report: Report, folder: Path) -> None:
     try:
         figures.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{figures}: can not be made: {error.strerror}") from None
+        raise InputError(f"{figures}: cannot be made: {error.strerror}") from None
     for figure in report.figures():
         for ending, data in pictures[figure.key].items():
             write_atomically(figures / f"{figure.key}.{ending}", data)

@@ -101,14 +101,14 @@ def read_file(path: Path) -> Layer:
     """One YAML file as a layer, without what it extends.
 
     Raises:
-        InputError: the file can not be read, is not YAML, or is not a mapping.
+        InputError: the file cannot be read, is not YAML, or is not a mapping.
     """
     name = show_file(path)
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise InputError(f"{name}: can not be read: {reason}") from None
+        raise InputError(f"{name}: cannot be read: {reason}") from None
     origins: dict[KeyPath, str] = {(): name}
     data = _values(text, name, origins)
     if data is None:

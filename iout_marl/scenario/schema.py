@@ -90,7 +90,7 @@ class Training(Section):
     #: Divisor of the rewards: `none`, `first_rollout` (their spread in it) or
     #: `running` (the spread of the discounted return so far).
     reward_scaling: Literal["none", "first_rollout", "running"]
-    #: Forbid what is useless (leaving the grid, hearing a node that can not pay).
+    #: Forbid what is useless (leaving the grid, hearing a node that cannot pay).
     mask_actions: bool
     #: Environment steps between two checkpoints.
     checkpoint_steps: Count

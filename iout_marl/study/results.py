@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from iout_marl import machine
 from iout_marl.errors import InputError
 from iout_marl.evaluation import METRICS, Estimate
+from iout_marl.files import read_json, to_json
 from iout_marl.study.cells import Cell
 from iout_marl.study.schema import BOUND, Axis, Study
 from iout_marl.world import WORLD_VERSION, pin_layout
@@ -26,7 +26,7 @@ FORMAT = 1
 #: Digits that are kept of a figure.
 DIGITS = 7
 
-#: What metrics can not be below and above: where intervals end.
+#: What metrics cannot be below and above: where intervals end.
 BOUNDS = {
     "jain": (0.0, 1.0),
     "jain_violation": (0.0, 1.0),
@@ -184,7 +184,7 @@ class Measured:
     Attributes:
         samples: the values behind it: the means of the seeds, or the episodes.
         over: `seeds`, or `episodes` where there is only one seed.
-        bounds: what the values can not be below and above.
+        bounds: what the values cannot be below and above.
     """
 
     samples: tuple[float, ...]
@@ -293,7 +293,7 @@ class Results(BaseModel):
 
     def to_json(self) -> str:
         """As the text of a file."""
-        return json.dumps(self.model_dump(mode="json"), separators=(",", ":")) + "\n"
+        return to_json(self.model_dump(mode="json")) + "\n"
 
     def to_csv(self) -> str:
         """A row for every cell: means of its metrics, seconds and emissions."""
@@ -326,9 +326,9 @@ def read_results(path: Path) -> Results:
     """Read a file of results.
 
     Raises:
-        InputError: it can not be read, is damaged, or of another version.
+        InputError: it cannot be read, is damaged, or of another version.
     """
-    data = _read_json(path)
+    data = read_json(path)
     check_version(path, data)
     return _validated(Results, path, data)
 
@@ -339,18 +339,18 @@ def read_record(path: Path, key: str) -> Record:
     Raises:
         InputError: as `read_results`, or it is the file of another cell.
     """
-    data = _read_json(path)
+    data = read_json(path)
     check_version(path, data)
     record = _validated(Record, path, data.get("record"))
     if record.key != key:
-        raise InputError(f"{path}: can not be read: it is of the cell {record.key}")
+        raise InputError(f"{path}: cannot be read: it is of the cell {record.key}")
     return record
 
 
 def record_to_json(record: Record) -> str:
     """A cell's record as the text of a file, with the versions that it is of."""
     data = {"format": FORMAT, "world_version": WORLD_VERSION, "record": record.model_dump()}
-    return json.dumps(data, separators=(",", ":")) + "\n"
+    return to_json(data) + "\n"
 
 
 def check_version(path: Path, data: Any) -> None:
@@ -367,19 +367,10 @@ def check_version(path: Path, data: Any) -> None:
         )
 
 
-def _read_json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: can not be read: {error.strerror}") from None
-    except ValueError:
-        raise InputError(f"{path}: can not be read: damaged, it is no JSON") from None
-
-
 def _validated(model: type[Model], path: Path, data: Any) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
         problem = error.errors(include_url=False)[0]
         where = ".".join(map(str, problem["loc"]))
-        raise InputError(f"{path}: can not be read: {where}: {problem['msg']}") from None
+        raise InputError(f"{path}: cannot be read: {where}: {problem['msg']}") from None

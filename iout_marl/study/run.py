@@ -10,19 +10,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from filelock import FileLock, Timeout
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from iout_marl.errors import InputError
-from iout_marl.files import write_atomically
+from iout_marl.files import locked, read_json, to_json, write_atomically
 from iout_marl.study.cells import Cell
 from iout_marl.study.pools import Pool
 from iout_marl.study.results import (
@@ -61,13 +59,13 @@ class StudyFolder:
 
         Raises:
             InputError: it holds something else, results of another version or of another
-                study, can not be written, or is in use. Nothing in it is changed then.
+                study, cannot be written, or is in use. Nothing in it is changed then.
         """
         marker = self.path / "study.json"
         try:
             found = sorted(path.name for path in self.path.iterdir()) if self.path.exists() else []
         except OSError as error:
-            raise InputError(f"{self.path}: can not be read: {error.strerror}") from None
+            raise InputError(f"{self.path}: cannot be read: {error.strerror}") from None
         if found and marker.name not in found:
             raise InputError(
                 f"{self.path}: holds no study, but {found[0]}; name a new or empty folder by --out"
@@ -79,22 +77,14 @@ class StudyFolder:
             (self.path / "cells").mkdir(exist_ok=True)
             (self.path / "runs").mkdir(exist_ok=True)
         except OSError as error:
-            raise InputError(f"{self.path}: can not be written: {error.strerror}") from None
-        lock = FileLock(self.path / ".lock", timeout=0)
-        try:
-            lock.acquire()
-        except Timeout:
-            raise InputError(f"{self.path}: another study is running in it") from None
-        with lock:
+            raise InputError(f"{self.path}: cannot be written: {error.strerror}") from None
+        with locked(self.path, "another study is running in it"):
             data = {"format": FORMAT, "world_version": WORLD_VERSION, **identity}
-            write_atomically(marker, (json.dumps(data, indent=2) + "\n").encode())
+            write_atomically(marker, (to_json(data, indent=2) + "\n").encode())
             yield
 
     def _check(self, marker: Path, identity: Mapping[str, Any]) -> None:
-        try:
-            data = json.loads(marker.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            raise InputError(f"{marker}: can not be read: damaged, it is no JSON") from None
+        data = read_json(marker)
         check_version(marker, data)
         for key, value in identity.items():
             if data.get(key) != value:
@@ -156,7 +146,7 @@ def run_study(
         the results, which are also in the folder.
 
     Raises:
-        InputError: a finished cell can not be read, or one can not be written.
+        InputError: a finished cell cannot be read, or one cannot be written.
     """
     console = console or Console(stderr=True)
     records = {cell.key: folder.record(cell) for cell in cells}

@@ -18,7 +18,7 @@ class ActionMask:
 
     A node is masked out in FDD only where it could not pay from any cell within one
     move, even if all AUVs charged it in the same slot, each from where it is best done. In
-    TDD every node may be chosen: what can not send is charged. Nor is a node masked out that
+    TDD every node may be chosen: what cannot send is charged. Nor is a node masked out that
     the AUV does not see, and AUVs that it does not see may be anywhere: of energies and of
     other AUVs the mask tells no more than the observation. Positions of nodes count as known.
     """

@@ -108,7 +108,7 @@ class Interference(_ToOneReceiver):
     a solution y > 0 is there if and only if the powers can be met (Foschini and Miljanic,
     1993), and it is the smallest.
 
-    Where there is none, or a node can not pay for its power, the weakest link (the highest
+    Where there is none, or a node cannot pay for its power, the weakest link (the highest
     C_aa, then the lowest code of the AUV's cell) stays silent, until the rest can send.
     """
 

@@ -153,5 +153,5 @@ def test_a_certificate_of_another_world_or_none_at_all_is_refused():
     certificate = bound(first, seconds=0).certificate
     with pytest.raises(InputError, match="is of world"):
         verified_age_sum(second, certificate)
-    with pytest.raises(InputError, match="can not be read"):
+    with pytest.raises(InputError, match="cannot be read"):
         Certificate.from_json({"kind": "opening", "world_hash": first.world_hash})

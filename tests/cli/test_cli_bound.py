@@ -85,4 +85,4 @@ def test_json_that_can_not_be_written(iout):
     status, out, err = iout("bound", "multi/m3-k10-fdd", *SHORT, "--json", "missing/x.json")
     assert status == 2
     assert "scheduling bound" in out
-    assert "can not be written: " in err
+    assert "cannot be written: " in err

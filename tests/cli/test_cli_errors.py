@@ -62,7 +62,7 @@ def test_command_line_that_can_not_be_read(refused, words, expected):
         (["missing.yaml"], "no scenario 'missing.yaml'"),
         (["bad.yaml"], "bad.yaml:2: age.inital: unknown key; did you mean 'initial'?"),
         (["broken.yaml"], "broken.yaml:2: broken YAML: "),
-        (["latin.yaml"], "latin.yaml: can not be read: not UTF-8 text"),
+        (["latin.yaml"], "latin.yaml: cannot be read: not UTF-8 text"),
         (["folder"], "no scenario 'folder'"),
         (["x" * 5000], "no scenario 'xxx"),
         (["paper/k3-fdd", "--set", "age.maximum"], "--set age.maximum: must be of the form key=v"),
@@ -126,7 +126,7 @@ def test_json_that_can_not_be_written_leaves_the_table(iout, tmp_path, path):
     status, out, err = iout("evaluate", "paper/k3-fdd", *words)
     assert status == 2
     assert "mean AoI" in out
-    assert "can not be written: " in err
+    assert "cannot be written: " in err
     assert err.count("\n") == 1
 
 
@@ -141,11 +141,11 @@ class TestRuns:
 
     def test_folder_that_can_not_be_made(self, refused, tmp_path):
         (tmp_path / "file").touch()
-        assert "can not be made" in refused("train", *self.scenario, "--out", "file/run")
+        assert "cannot be made" in refused("train", *self.scenario, "--out", "file/run")
 
     def test_name_that_is_too_long(self, refused):
         line = refused("train", *self.scenario, "--set", f"name={'x' * 300}")
-        assert line.endswith("can not be made: File name too long")
+        assert line.endswith("cannot be made: File name too long")
 
     @pytest.mark.parametrize("name", ["missing", "", "x" * 5000])
     def test_nothing_to_resume(self, refused, name):
@@ -184,7 +184,7 @@ class TestRuns:
         data = (folder / "policy.safetensors").read_bytes()
         (folder / "policy.safetensors").write_bytes(data[:100])
         line = refused("evaluate", *self.scenario, "--policy", folder)
-        assert "policy.safetensors: can not be read: " in line
+        assert "policy.safetensors: cannot be read: " in line
 
     @pytest.mark.parametrize("device", ["gpu", "cuda:99", "meta", ""])
     def test_device_that_is_not_there(self, refused, device, tmp_path):

@@ -116,7 +116,7 @@ def test_empty_grid_is_refused(refused, tmp_path):
 def test_folder_that_can_not_be_written_is_refused(refused, finished, tmp_path):
     (tmp_path / "file").write_text("")
     line = refused("reproduce", "--study", finished / "tiny.yaml", "--out", tmp_path / "file" / "x")
-    assert "can not be" in line
+    assert "cannot be" in line
     assert "file/x" in line
 
 
@@ -140,7 +140,7 @@ def test_results_of_another_version_are_refused_and_kept(refused, finished, fold
 
 
 def test_folder_without_results_is_refused(refused, tmp_path):
-    assert "results.json: can not be read: No such file" in refused("report", tmp_path)
+    assert "results.json: cannot be read: No such file" in refused("report", tmp_path)
 
 
 def test_setting_that_fits_no_scenario_is_refused(refused, finished):

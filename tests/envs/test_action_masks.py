@@ -259,7 +259,7 @@ def test_spaces_sample_by_the_mask_that_is_handed_out(make, duplex):
 
 
 class TestTellNoMoreThanTheObservation:
-    """Worlds that an AUV can not tell apart have one mask."""
+    """Worlds that an AUV cannot tell apart have one mask."""
 
     def test_of_nodes_out_of_sight_nothing(self):
         near = {"observation.view_range_m": 150, "auvs.start_cells": [[2, 2, 1]]}

@@ -614,7 +614,7 @@ class CanNotBePickled(AUVParallelEnv):
         (PickleReseeds, "a deep copy goes on differently"),
         (PickleForgets, "a deep copy goes on differently"),
         (CopySharesTheEpisode, "a deep copy goes on differently"),
-        (CanNotBePickled, "can not be copied"),
+        (CanNotBePickled, "cannot be copied"),
     ],
 )
 def test_a_copy_that_goes_on_otherwise_is_found(broken, message):

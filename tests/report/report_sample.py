@@ -231,7 +231,7 @@ ANSWERS = Answers(
             value="23 %",
             verdict="reproduced in part",
             measured=("18 % [12, 24] more energy with `duplex: tdd`", "3.1 % of packets lost"),
-            explanation=("The interval holds 20 %: five seeds can not tell.",),
+            explanation=("The interval holds 20 %: five seeds cannot tell.",),
         ),
         Answer(
             claim="C3",

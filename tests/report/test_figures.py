@@ -271,7 +271,7 @@ def test_csv_has_the_values_of_the_data(figure):
 def test_folder_that_can_not_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     report = Report("Empty", (), (), ())
-    with pytest.raises(InputError, match=r"file/figures: can not be made: Not a directory$"):
+    with pytest.raises(InputError, match=r"file/figures: cannot be made: Not a directory$"):
         write_report(report, tmp_path / "file")
 
 

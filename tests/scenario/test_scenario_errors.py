@@ -31,7 +31,7 @@ FILES = {
     "age: {}\nage: {}\n": ':2: broken YAML: found duplicate key "age"',
     "age:\n  initial: 1\n  initial: 2\n": ':3: broken YAML: found duplicate key "initial"',
     "a: \0": ": broken YAML: ",
-    "a: \udcff": ": can not be read: not UTF-8 text",
+    "a: \udcff": ": cannot be read: not UTF-8 text",
     "": ": grid: is missing (and 9 more)",
     "# nothing\n": ": grid: is missing (and 9 more)",
     "null": ": grid: is missing (and 9 more)",
@@ -238,7 +238,7 @@ def test_unreadable_file(tmp_path, monkeypatch, error):
         raise error
 
     monkeypatch.setattr("pathlib.Path.read_text", refuse)
-    assert message("bad.yaml") == f"bad.yaml: can not be read: {error.strerror}"
+    assert message("bad.yaml") == f"bad.yaml: cannot be read: {error.strerror}"
 
 
 def test_folder_closed_to_the_user(monkeypatch):

@@ -88,7 +88,7 @@ def test_any_value_in_a_file(tmp_path, path, value):
     for key in reversed(path):
         value = {key: value}
     written = io.StringIO()
-    with suppress(Exception):  # what YAML can not write
+    with suppress(Exception):  # what YAML cannot write
         YAML(typ="safe", pure=True).dump({"extends": "paper/k3-fdd", **value}, written)
     file = tmp_path / "fuzz.yaml"
     file.write_text(written.getvalue(), encoding="utf-8", errors="replace")

@@ -242,7 +242,7 @@ def test_a_cell_of_another_version_is_refused(run, study, tmp_path):
     ("text", "message"),
     [
         ("{", "damaged, it is no JSON"),
-        ('{"format": 1, "world_version": 0}', "can not be read: name: Field required"),
+        ('{"format": 1, "world_version": 0}', "cannot be read: name: Field required"),
     ],
 )
 def test_damaged_results_are_told_in_one_line(tmp_path, text, message):
@@ -257,7 +257,7 @@ def test_damaged_results_are_told_in_one_line(tmp_path, text, message):
     [
         (lambda r: r["samples"].pop("jain"), r"samples\.jain must hold a number for each episode"),
         (lambda r: r["samples"].update(mean_aoi=[]), r"samples\.mean_aoi must hold"),
-        (lambda r: r["samples"].update(jain=[float("nan")] * 3), r"samples\.jain must hold"),
+        (lambda r: r["samples"].update(jain=[float("nan")] * 3), "NaN is no number of JSON"),
         (lambda r: r.update(key="another"), "it is of the cell another"),
         (lambda r: r.pop("seed"), "seed: Field required"),
     ],

@@ -60,7 +60,7 @@ def test_file_written_before_stands(tmp_path, fill_disk, monkeypatch):
     with pytest.raises(InputError) as raised:
         write_atomically(path, b"new")
     monkeypatch.undo()
-    expected = f"{path}: can not be written: No space left on device; the one before stands"
+    expected = f"{path}: cannot be written: No space left on device; the one before stands"
     assert str(raised.value) == expected
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path], "something half-written is left"
@@ -88,7 +88,7 @@ def test_checkpoint_saved_before_stands_and_training_goes_on_from_it(
         saved.append((folder / "checkpoint.pt").read_bytes())
 
     monkeypatch.setattr(training, "write_together", save_twice)
-    with pytest.raises(InputError, match=r"checkpoint\.pt: can not be written: No space left"):
+    with pytest.raises(InputError, match=r"checkpoint\.pt: cannot be written: No space left"):
         train(tiny(), folder, **quiet)
     monkeypatch.undo()
     assert (folder / "checkpoint.pt").read_bytes() == saved[0]
@@ -114,7 +114,7 @@ def test_real_limit_stops_a_new_run_with_one_line(tmp_path, tiny_settings, size,
     assert status == 2
     (line,) = (line for line in err.splitlines() if "steps/s" not in line)
     assert line.startswith("iout: ")
-    assert f"{file}: can not be written: File too large" in line
+    assert f"{file}: cannot be written: File too large" in line
     assert not (tmp_path / "run" / "checkpoint.pt").exists()
     assert not list((tmp_path / "run").glob("*.part"))
 
@@ -126,7 +126,7 @@ def test_real_limit_leaves_the_last_good_checkpoint(tmp_path, tiny_settings, iou
     longer = [*words, "--steps", 720, "--resume", tmp_path / "run"]
     status, err = limited(len(before) - 1000, *longer)
     assert status == 2
-    assert "checkpoint.pt: can not be written: File too large; the one before stands" in err
+    assert "checkpoint.pt: cannot be written: File too large; the one before stands" in err
     assert "Traceback" not in err
     assert (tmp_path / "run" / "checkpoint.pt").read_bytes() == before
     assert iout(*longer)[0] == 0

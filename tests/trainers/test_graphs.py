@@ -56,7 +56,7 @@ VARIANTS = {
 }
 
 
-#: Policies side by side can not stop their epochs apart.
+#: Policies side by side cannot stop their epochs apart.
 CASES = [
     pytest.param(changes, replicas, id=f"{name}, {replicas}")
     for name, changes in VARIANTS.items()

@@ -158,13 +158,13 @@ class TestCreating:
     @pytest.mark.parametrize("name", ["file", "file/run", "x" * 300])
     def test_folder_that_can_not_be_made(self, tiny, tmp_path, name):
         (tmp_path / "file").touch()
-        assert "can not be " in refusal(lambda: quietly(tiny(), tmp_path / name))
+        assert "cannot be " in refusal(lambda: quietly(tiny(), tmp_path / name))
 
     @pytest.mark.parametrize("name", ["scenario.yaml", "metrics.jsonl", "checkpoint.pt.part"])
     def test_folder_in_the_way_of_a_file(self, tiny, tmp_path, name):
         (tmp_path / "run" / name / "inside").mkdir(parents=True)
         message = refusal(lambda: quietly(tiny(), tmp_path / "run"))
-        assert "can not be" in message
+        assert "cannot be" in message
 
     def test_too_little_memory_on_the_device(self, tiny, tmp_path, monkeypatch):
         def too_much(_):
@@ -188,7 +188,7 @@ class TestResuming:
         data = (folder / "checkpoint.pt").read_bytes()
         (folder / "checkpoint.pt").write_bytes(data[:kept])
         message = resumed(tiny(), folder)
-        assert "checkpoint.pt: can not be read" in message or "checkpoint.pt: refused" in message
+        assert "checkpoint.pt: cannot be read" in message or "checkpoint.pt: refused" in message
 
     @pytest.mark.parametrize("seed", range(8))
     def test_garbled_checkpoint(self, folder, tiny, seed):
@@ -223,9 +223,9 @@ class TestResuming:
             ({"format": 0}, "is of another version of this software"),
             ({"format": None}, "is of another version of this software"),
             ({"world_version": 99}, "is of another version of this software"),
-            ({"trainer": {}}, "can not be read"),
-            ({"trainer": 3}, "can not be read"),
-            ({"trainer": {"simulation": {"generator": 3}}}, "can not be read"),
+            ({"trainer": {}}, "cannot be read"),
+            ({"trainer": 3}, "cannot be read"),
+            ({"trainer": {"simulation": {"generator": 3}}}, "cannot be read"),
         ],
     )
     def test_checkpoint_of_another_making(self, folder, tiny, changes, expected):
@@ -238,12 +238,12 @@ class TestResuming:
         saved = torch.load(folder / "checkpoint.pt", weights_only=True)
         del saved["trainer"][key]
         torch.save(saved, folder / "checkpoint.pt")
-        assert f"checkpoint.pt: can not be read: '{key}'" in resumed(tiny(), folder)
+        assert f"checkpoint.pt: cannot be read: '{key}'" in resumed(tiny(), folder)
 
     def test_checkpoint_of_other_networks(self, folder, tiny, tmp_path):
         quietly(tiny({"training.hidden_units": [9]}), tmp_path / "other")
         shutil.copy(tmp_path / "other/checkpoint.pt", folder)
-        assert "checkpoint.pt: can not be read: " in resumed(tiny(), folder)
+        assert "checkpoint.pt: cannot be read: " in resumed(tiny(), folder)
 
     def test_list_in_place_of_a_checkpoint(self, folder, tiny):
         torch.save([1, 2], folder / "checkpoint.pt")
@@ -262,7 +262,7 @@ class TestLoadingAPolicy:
     @pytest.mark.parametrize("data", [b"", b"{", b"\xff\xff", b"[" * 100_000])
     def test_shape_that_is_no_json(self, folder, data):
         (folder / "policy.json").write_bytes(data)
-        assert "policy.json: can not be read: " in self.load(folder)
+        assert "policy.json: cannot be read: " in self.load(folder)
 
     @pytest.mark.parametrize(
         ("changes", "expected"),
@@ -287,18 +287,18 @@ class TestLoadingAPolicy:
         shape = json.loads((folder / "policy.json").read_text())
         del shape[key]
         (folder / "policy.json").write_text(json.dumps(shape))
-        assert self.load(folder).endswith(f"policy.json: can not be read: lacks '{key}'")
+        assert self.load(folder).endswith(f"policy.json: cannot be read: lacks '{key}'")
 
     @pytest.mark.parametrize("kept", [0, 7, 100, -1])
     def test_truncated_weights(self, folder, kept):
         data = (folder / "policy.safetensors").read_bytes()
         (folder / "policy.safetensors").write_bytes(data[:kept])
-        assert "policy.safetensors: can not be read: " in self.load(folder)
+        assert "policy.safetensors: cannot be read: " in self.load(folder)
 
     def test_weights_of_other_networks(self, folder, tiny, tmp_path):
         quietly(tiny({"training.hidden_units": [9]}), tmp_path / "other")
         shutil.copy(tmp_path / "other/policy.safetensors", folder)
-        assert "policy.safetensors: can not be read: " in self.load(folder)
+        assert "policy.safetensors: cannot be read: " in self.load(folder)
 
     def test_scenario_that_is_broken(self, folder):
         (folder / "scenario.yaml").write_text("a: [")

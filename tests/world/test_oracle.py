@@ -38,7 +38,7 @@ SMALL_GRID = {
 RANDOM_NODES = {"nodes": {"kind": "random", "count": 4}, "observation.node_positions": True}
 #: Packets whose price rises steeply as the time for them shrinks.
 LARGE_PACKETS = {"uplink.packet_bits": 30000, "charging.power_w": 60000}
-#: So steeply that even near nodes, for which β_min is ample, can not pay at β_max.
+#: So steeply that even near nodes, for which β_min is ample, cannot pay at β_max.
 STEEP_PACKETS = {"uplink.packet_bits": 60000, "channel.noise_level_db": 12.0}
 #: Packets that need an SNR of about 1: uplinks side by side hardly bear one another.
 LOUD = {"uplink.packet_bits": 60000, "charging.power_w": 900000}

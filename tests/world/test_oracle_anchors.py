@@ -1,4 +1,4 @@
-"""The oracle against printed numbers, so that it and the world can not be wrong alike."""
+"""The oracle against printed numbers, so that it and the world cannot be wrong alike."""
 
 import csv
 from pathlib import Path

@@ -6,7 +6,7 @@ takes the clipped-surrogate steps. Every setting is explained in
 
 On a CUDA device the slots of a rollout, and all that is learnt from it, are recorded as CUDA
 graphs and replayed: the host waits for the device once in an iteration, for the log. Several
-processes record nothing, since what they exchange can not be; with `training.target_kl` the
+processes record nothing, since what they exchange cannot be; with `training.target_kl` the
 learning is not recorded, as the host decides when it ends.
 """
 
@@ -58,7 +58,7 @@ class Trainer:
         env_steps: environment steps taken so far, for each policy.
 
     Raises:
-        InputError: settings that several policies or processes can not be trained with.
+        InputError: settings that several policies or processes cannot be trained with.
     """
 
     def __init__(
@@ -410,7 +410,7 @@ class Trainer:
 def _check_shares(settings: Training, replicas: int, group: Group) -> None:
     if settings.environments % group.size:
         raise InputError(
-            f"training.environments: {settings.environments} can not be shared evenly by "
+            f"training.environments: {settings.environments} cannot be shared evenly by "
             f"{group.size} processes"
         )
     if group.size > 1 and replicas > 1:
@@ -419,7 +419,7 @@ def _check_shares(settings: Training, replicas: int, group: Group) -> None:
         )
     if settings.target_kl is not None and replicas > 1:
         raise InputError(
-            "training.target_kl: policies trained side by side can not stop their epochs apart; "
+            "training.target_kl: policies trained side by side cannot stop their epochs apart; "
             "set it to null, or train them one after the other"
         )
 

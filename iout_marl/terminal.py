@@ -1,0 +1,61 @@
+"""What is shown to a person: it must never cost a result, whatever becomes of the terminal."""
+
+from __future__ import annotations
+
+import io
+import sys
+from contextlib import suppress
+from typing import Any, TextIO
+
+from rich.console import Console
+
+
+class _Unfailing(io.TextIOBase):
+    """A text stream in front of another: what that one cannot take is dropped.
+
+    A pipe whose reader has gone, a log on a full disk, a closed stream, a character that the
+    encoding lacks: none of them is an error here.
+    """
+
+    def __init__(self, stream: TextIO | None) -> None:
+        self._stream = stream
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        return getattr(self._stream, "encoding", None) or "utf-8"
+
+    def isatty(self) -> bool:
+        with suppress(OSError, ValueError):
+            return self._stream is not None and self._stream.isatty()
+        return False
+
+    def fileno(self) -> int:
+        if self._stream is None:
+            raise OSError("a stream that is closed")
+        return self._stream.fileno()
+
+    def write(self, text: str) -> int:
+        if self._stream is not None:
+            with suppress(OSError, ValueError):
+                try:
+                    self._stream.write(text)
+                except UnicodeEncodeError:
+                    self._stream.write(text.encode(self.encoding, "replace").decode(self.encoding))
+        return len(text)
+
+    def flush(self) -> None:
+        if self._stream is not None:
+            with suppress(OSError, ValueError):
+                self._stream.flush()
+
+
+def progress_console(**options: Any) -> Console:
+    """A console on standard error that never raises, for what is shown beside the work.
+
+    Text is shown as it is: `[brackets]` in it are no markup, and numbers are not coloured.
+
+    Args:
+        options: further ones of `rich.console.Console`.
+    """
+    settings: dict[str, Any] = {"markup": False, "highlight": False, "emoji": False, **options}
+    return Console(file=_Unfailing(sys.stderr), **settings)  # type: ignore[arg-type]
