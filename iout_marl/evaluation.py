@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+import os
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,10 +14,20 @@ import numpy.typing as npt
 from scipy.special import stdtrit
 
 from iout_marl.errors import InputError
-from iout_marl.policies import ObservationPolicy, Policy, make_baseline
+from iout_marl.policies import (
+    EpisodeStreams,
+    ObservationPolicy,
+    Policy,
+    is_deterministic,
+    make_baseline,
+)
 from iout_marl.scenario import Scenario, load_scenario
-from iout_marl.world import Events, State, World, node_codes, pin_layout
+from iout_marl.whole import MAX_SEED, short, whole_number
+from iout_marl.world import Events, State, World, has_chance, node_codes, pin_layout
 from iout_marl.world.actions import ActionCheck
+
+#: More would say no more, and not fit into memory.
+MAX_EPISODES = 1_000_000
 
 #: Metrics in the order of reports. `reward` is the undiscounted return of an AUV,
 #: averaged over AUVs; the others are those of `World.metrics`.
@@ -46,18 +58,36 @@ class Estimate:
 
     @classmethod
     def of(cls, samples: npt.ArrayLike) -> Estimate:
-        """The estimate from (episodes,) samples."""
+        """The estimate from (episodes,) samples.
+
+        Raises:
+            ValueError: there are none, one is NaN or infinite, or they are too large to add up.
+        """
         values = np.asarray(samples, dtype=np.float64)
-        count, mean = len(values), float(values.mean())
-        if count < 2:
+        if values.ndim != 1 or not len(values):
+            raise ValueError(f"samples must be a list of numbers, not {short(samples)}")
+        if not np.isfinite(values).all():
+            raise ValueError(f"samples must be finite, not {values[~np.isfinite(values)][0]}")
+        count = len(values)
+        with np.errstate(over="ignore", invalid="ignore"):
+            mean = float(values.mean())
+            spread = float(values.std(ddof=1)) if count > 1 else 0.0
+        if not math.isfinite(mean + spread):
+            raise ValueError("samples are too large to add up")
+        if count == 1:
             return cls(mean, math.nan, math.nan)
-        margin = float(stdtrit(count - 1, 0.975) * values.std(ddof=1) / math.sqrt(count))
+        margin = float(stdtrit(count - 1, 0.975) * spread / math.sqrt(count))
         return cls(mean, mean - margin, mean + margin)
 
     @property
     def margin(self) -> float:
-        """Half the width of the interval."""
+        """Half the width of the interval; NaN where there is none."""
         return (self.high - self.low) / 2
+
+    def to_json(self) -> dict[str, Any]:
+        """Mean and interval as JSON has them; null where there is no interval."""
+        interval = None if math.isnan(self.low) else [self.low, self.high]
+        return {"mean": self.mean, "ci95": interval}
 
 
 @dataclass(frozen=True)
@@ -65,15 +95,33 @@ class Evaluation:
     """A policy's record on a scenario.
 
     Attributes:
+        scenario, scenario_hash: what was played; where a layout is drawn once for a run, the
+            hash is that of the scenario with the layout.
+        policy: what the policy is called.
+        seed: of the first episode.
         samples: every metric of every episode, (episodes,) each.
+        deterministic: neither policy nor world has left anything to chance: all episodes are
+            like the one that was played.
+        sampled: a trained policy has drawn its actions, rather than taken the most probable.
     """
 
     scenario: str
     scenario_hash: str
     policy: str
-    episodes: int
     seed: int
     samples: dict[str, npt.NDArray[np.float64]] = field(repr=False)
+    deterministic: bool = False
+    sampled: bool = False
+
+    @property
+    def episodes(self) -> int:
+        """How many were played."""
+        return len(next(iter(self.samples.values())))
+
+    @property
+    def label(self) -> str:
+        """What tables call the policy."""
+        return f"{self.policy} (sampled)" if self.sampled else self.policy
 
     @property
     def metrics(self) -> dict[str, Estimate]:
@@ -82,25 +130,20 @@ class Evaluation:
 
     def to_json(self) -> dict[str, Any]:
         """The record as JSON has it; the interval of a single episode is null."""
-
-        def bounds(e: Estimate) -> list[float | None]:
-            return [None if math.isnan(b) else b for b in (e.low, e.high)]
-
         return {
             "scenario": self.scenario,
             "scenario_hash": self.scenario_hash,
             "policy": self.policy,
+            **({"sampled": True} if self.sampled else {}),
             "episodes": self.episodes,
+            "deterministic": self.deterministic,
             "seed": self.seed,
-            "metrics": {
-                name: {"mean": estimate.mean, "ci95": bounds(estimate)}
-                for name, estimate in self.metrics.items()
-            },
+            "metrics": {name: estimate.to_json() for name, estimate in self.metrics.items()},
         }
 
 
 def evaluate(
-    scenario: str | Scenario,
+    scenario: str | Path | Mapping[str, Any] | Scenario,
     policy: str | Policy | Callable[[Any], Any],
     episodes: int = 100,
     seed: int = 0,
@@ -108,37 +151,48 @@ def evaluate(
     """Run a policy over whole episodes.
 
     Args:
-        scenario: a scenario, its name or its path.
+        scenario: a scenario, its name, its path, or a mapping with the keys of a file.
         policy: the name of a baseline, a `Policy` (a trained one, say), or a function
             from (envs, auvs, entries) observations to (envs, auvs, entries) actions.
-        episodes: how many, run side by side as one batch.
-        seed: seeds the policy's choices; the layout of episode i, where it is random,
-            is that of an environment reset with seed `seed + i`.
+        episodes: how many, run side by side as one batch. Where neither the policy (by its
+            `is_deterministic`) nor the world leaves anything to chance, one is played.
+        seed: episode i has the seed `seed + i`: that of the layout, where it is random, is
+            that of an environment reset with it; and of what the policy leaves to chance.
 
     Raises:
-        InputError: no such scenario or baseline, or fewer than one episode.
-        ValueError: the policy's actions are not integers, of another shape, or outside
-            their space.
+        InputError: no such scenario or baseline, episodes or a seed out of range, a policy
+            whose actions are not integers, of another shape, or outside their space, or a
+            scenario whose numbers grow beyond all bounds.
+        TypeError: the policy is none.
     """
-    if episodes < 1:
-        raise InputError(f"episodes must be at least 1, not {episodes}")
-    if seed < 0:
-        raise InputError(f"seed must not be negative, not {seed}")
+    episodes = _whole(episodes, "episodes", 1, MAX_EPISODES)
+    seed = _whole(seed, "seed", 0, MAX_SEED)
     scenario = pin_layout(load_scenario(scenario), seed)
     player = _as_policy(policy)
-    world = World(scenario, episodes)
-    total_reward = np.zeros((episodes, world.num_auvs))
+    deterministic = is_deterministic(player) and not has_chance(scenario)
+    world = World(scenario, 1 if deterministic else episodes)
+    total_reward = np.zeros((world.num_envs, world.num_auvs))
     for state, events in play(world, player, seed):
         if events is not None:
-            total_reward += world.reward(state, events)
-    samples = {**world.metrics(state), "reward": total_reward.mean(axis=1)}
+            with _unbounded():
+                total_reward += world.reward(state, events)
+    with _unbounded():
+        found = {**world.metrics(state), "reward": total_reward.mean(axis=1)}
+    samples = {name: np.asarray(found[name], dtype=np.float64) for name in METRICS}
+    for name, values in samples.items():
+        if not np.isfinite(values).all():
+            raise InputError(
+                f"{scenario.name}: {name} is {values[~np.isfinite(values)][0]}: "
+                "the scenario has numbers that are too large to compute with"
+            )
     return Evaluation(
         scenario=scenario.name,
         scenario_hash=scenario.hash,
-        policy=player.name,
-        episodes=episodes,
+        policy=str(player.name),
         seed=seed,
-        samples={name: np.asarray(samples[name], dtype=np.float64) for name in METRICS},
+        samples=samples,
+        deterministic=deterministic,
+        sampled=bool(getattr(player, "sampled", False)),
     )
 
 
@@ -154,23 +208,50 @@ def play(world: World, policy: Policy, seed: int = 0) -> Iterator[tuple[State, E
         the state, and what happened in the slot before it: None for the first state.
 
     Raises:
-        ValueError: the policy's actions do not fit their space.
+        InputError: the policy's actions do not fit their space.
     """
-    streams = [np.random.default_rng(seed + i) for i in range(world.num_envs)]
-    state = world.reset(node_codes(world.scenario, world.grid, streams))
-    rng = np.random.default_rng(seed)
+    layouts = [np.random.default_rng(seed + i) for i in range(world.num_envs)]
+    state = world.reset(node_codes(world.scenario, world.grid, layouts))
+    rng = EpisodeStreams(seed, world.num_envs)
     check = ActionCheck(world.num_envs, world.num_auvs, world.action_sizes)
     yield state, None
-    for _ in range(world.num_slots):
-        state, events = world.step(state, check(policy.act(world, state, rng)))
+    for slot in range(world.num_slots):
+        chosen = policy.act(world, state, rng)
+        try:
+            action = check(chosen)
+        except ValueError as error:
+            said = " ".join(str(error).split())
+            said = said if len(said) <= 300 else f"{said[:297]}..."
+            raise InputError(f"policy {policy.name}, slot {slot + 1}: {said}") from None
+        with _unbounded():
+            state, events = world.step(state, action)
         yield state, events
 
 
+def _unbounded() -> np.errstate:
+    """Numbers may grow beyond all bounds: what comes of it is looked at in the end."""
+    return np.errstate(over="ignore", invalid="ignore")
+
+
+def _whole(value: Any, name: str, least: int, most: int) -> int:
+    try:
+        return whole_number(value, least, most)
+    except ValueError as error:
+        raise InputError(f"{name} {error}") from None
+
+
 def _as_policy(policy: str | Policy | Callable[[Any], Any]) -> Policy:
+    if isinstance(policy, str | Path) and os.path.isdir(policy):  # noqa: PTH112 (never raises)
+        hint = f"trainers.RunFolder(Path({str(policy)!r})).load_policy()"
+        raise InputError(f"{policy}: is a folder; the policy of a run is {hint}")
     if isinstance(policy, str):
         return make_baseline(policy)
-    if isinstance(policy, Policy):
+    if isinstance(policy, type) and callable(getattr(policy, "act", None)):
+        raise TypeError(f"a policy must be an object, not its class: {policy.__name__}(…)")
+    if isinstance(policy, Policy) and callable(policy.act):
         return policy
     if callable(policy):
         return ObservationPolicy(policy)
-    raise TypeError(f"a policy needs a name and a method act, or must be callable: {policy!r}")
+    raise TypeError(
+        f"a policy needs a name and a method act, or must be callable, not {short(policy)}"
+    )

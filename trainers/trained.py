@@ -17,7 +17,8 @@ class TrainedPolicy:
         network: actor and critic, on any device.
         name: what tables call it.
         use_mask: as in its training.
-        stochastic: sample from the policy rather than take its most probable action.
+        sampled: draw actions from the policy, as in its training, rather than take the most
+            probable ones.
     """
 
     def __init__(
@@ -26,12 +27,17 @@ class TrainedPolicy:
         name: str = "ppo",
         *,
         use_mask: bool = False,
-        stochastic: bool = False,
+        sampled: bool = False,
     ) -> None:
         self.network = network
         self.name = name
         self.use_mask = use_mask
-        self.stochastic = stochastic
+        self.sampled = sampled
+
+    @property
+    def is_deterministic(self) -> bool:
+        """Whether it leaves nothing to chance."""
+        return not self.sampled
 
     @torch.no_grad()
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:
@@ -42,7 +48,7 @@ class TrainedPolicy:
         if self.use_mask:
             mask = torch.as_tensor(world.action_mask(state), device=device)
         scores = self.network.scores(self.network.scaler(observation), mask)
-        if not self.stochastic:
+        if not self.sampled:
             return self.network.choose(scores).cpu().numpy()
         noise = 1 - rng.random(scores.shape[:-1], dtype=np.float32)
         action, _ = self.network.sample(scores, torch.as_tensor(noise, device=device))

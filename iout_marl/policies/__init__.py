@@ -4,8 +4,9 @@ from collections.abc import Callable
 
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.policies.baselines import Greedy, RandomWalk, RoundRobin
+from iout_marl.policies.chance import EpisodeStreams
 from iout_marl.policies.planned import PlannerPolicy, Tour
-from iout_marl.policies.policy import Actions, ObservationPolicy, Policy
+from iout_marl.policies.policy import Actions, ObservationPolicy, Policy, is_deterministic
 from iout_marl.policies.search import USUAL, Budget
 
 #: The baselines by name, in the order in which tables list them.
@@ -36,6 +37,7 @@ __all__ = [
     "USUAL",
     "Actions",
     "Budget",
+    "EpisodeStreams",
     "Greedy",
     "ObservationPolicy",
     "PlannerPolicy",
@@ -43,5 +45,6 @@ __all__ = [
     "RandomWalk",
     "RoundRobin",
     "Tour",
+    "is_deterministic",
     "make_baseline",
 ]

@@ -13,6 +13,7 @@ class RandomWalk:
     """A uniform sample of the action space in every slot."""
 
     name = "random-walk"
+    is_deterministic = False
 
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:
         shape = state.cell.shape
@@ -27,6 +28,7 @@ class RoundRobin:
     """
 
     name = "round-robin"
+    is_deterministic = False
 
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:
         direction = rng.integers(0, world.action_sizes[0], state.cell.shape)
@@ -43,6 +45,7 @@ class Greedy:
     """
 
     name = "greedy"
+    is_deterministic = False
 
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:
         position = _coordinates(world, state.cell)  # (envs, auvs, 3)

@@ -20,6 +20,8 @@ class _Planned:
     planned in one slot share the budget.
     """
 
+    #: What a search leaves to chance, a seed of its own decides.
+    is_deterministic = True
     searches: bool
 
     def __init__(

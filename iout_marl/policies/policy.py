@@ -18,6 +18,9 @@ Actions: TypeAlias = npt.NDArray[np.int64]
 class Policy(Protocol):
     """Chooses an action for every AUV of every environment.
 
+    A policy that leaves nothing to chance may say so by a further attribute, `is_deterministic`:
+    in a world without chance its episodes are all the same, and one of them is played.
+
     Attributes:
         name: what tables call it.
     """
@@ -30,9 +33,17 @@ class Policy(Protocol):
         Args:
             world: the world, on NumPy: sizes, grid, links, `observe`.
             state: its state.
-            rng: the stream for whatever the policy leaves to chance.
+            rng: for whatever the policy leaves to chance. What is drawn from it in a shape
+                that begins with the number of environments has a row of its own for each,
+                see `EpisodeStreams`.
         """
         ...
+
+
+def is_deterministic(policy: Policy) -> bool:
+    """Whether a policy leaves nothing to chance, as far as it says so itself."""
+    said = getattr(policy, "is_deterministic", False)
+    return isinstance(said, bool | np.bool_) and bool(said)
 
 
 class ObservationPolicy:
@@ -50,4 +61,8 @@ class ObservationPolicy:
 
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:  # noqa: ARG002
         observation = np.asarray(world.observe(state), dtype=np.float32)
-        return np.asarray(self._function(observation))
+        chosen = self._function(observation)
+        try:
+            return np.asarray(chosen)
+        except ValueError:  # ragged; whoever plays it says what an action is
+            return np.asarray(chosen, dtype=object)

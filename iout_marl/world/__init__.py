@@ -4,6 +4,7 @@ from iout_marl.world.channel import Channel
 from iout_marl.world.grid import Grid
 from iout_marl.world.placement import (
     draws_layout_once,
+    has_chance,
     node_codes,
     pin_layout,
     redraws_every_episode,
@@ -19,6 +20,7 @@ __all__ = [
     "State",
     "World",
     "draws_layout_once",
+    "has_chance",
     "node_codes",
     "pin_layout",
     "redraws_every_episode",

@@ -63,6 +63,15 @@ def redraws_every_episode(scenario: Scenario) -> bool:
     return isinstance(scenario.nodes, RandomNodes) and scenario.nodes.redraw == "episode"
 
 
+def has_chance(scenario: Scenario) -> bool:
+    """Whether the episodes of a run may differ though the actions do not.
+
+    Only layouts are left to chance, and one that is drawn once for a run is the same in all of
+    its episodes.
+    """
+    return redraws_every_episode(scenario)
+
+
 def draws_layout_once(scenario: Scenario) -> bool:
     """Whether the nodes of a run lie where its seed puts them."""
     return isinstance(scenario.nodes, RandomNodes) and scenario.nodes.redraw == "run"

@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import scipy.stats
 
 from iout_marl import Evaluation, InputError, World, evaluate, iout_v0, load_scenario
 from iout_marl.evaluation import METRICS, Estimate
+from iout_marl.files import to_json
 from iout_marl.policies import BASELINES, Greedy
 from iout_marl.world import node_codes
 
@@ -84,6 +86,7 @@ def test_episodes_are_those_of_environments_with_consecutive_seeds(random_layout
 def test_layouts_drawn_once_for_a_run_are_the_same_in_all_episodes(random_layout):
     scenario = load_scenario(random_layout, {"nodes.redraw": "run"})
     evaluation = evaluate(scenario, fixed_plan, episodes=4, seed=11)
+    assert evaluation.episodes == 4
     assert len(set(evaluation.samples["mean_aoi"])) == 1
     env = iout_v0.parallel_env(scenario)
     env.reset(seed=11)
@@ -107,9 +110,12 @@ def test_every_episode_is_whole(random_layout):
     assert slots[0].dtype == np.float32
 
 
-@pytest.mark.parametrize("source", ["paper/k3-fdd", load_scenario("paper/k3-fdd")])
-def test_accepts_names_and_scenarios(source):
-    assert evaluate(source, "greedy", 2).scenario == "paper/k3-fdd"
+@pytest.mark.parametrize("kind", [str, Path, load_scenario, lambda name: {"extends": name}])
+def test_accepts_names_paths_mappings_and_scenarios(kind, tmp_path):
+    (tmp_path / "mine.yaml").write_text("extends: paper/k3-fdd")
+    expected = evaluate("paper/k3-fdd", "greedy", 2).samples["mean_aoi"]
+    source = kind(str(tmp_path / "mine.yaml") if kind is Path else "paper/k3-fdd")
+    assert np.array_equal(evaluate(source, "greedy", 2).samples["mean_aoi"], expected)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +131,25 @@ def test_policy_is_called_by_its_name(random_layout, policy, name):
         (("paper/k3-fdd", "gredy"), "no policy 'gredy'; did you mean 'greedy'?"),
         (("paper/k3-fd", "greedy"), "no scenario 'paper/k3-fd'"),
         (("paper/k3-fdd", "greedy", 0), "episodes must be at least 1, not 0"),
-        (("paper/k3-fdd", "greedy", 1, -1), "seed must not be negative, not -1"),
+        (("paper/k3-fdd", "greedy", -1), "episodes must be at least 1, not -1"),
+        (("paper/k3-fdd", "greedy", 10**19), "episodes must be at most 1,000,000, not 1000000"),
+        (("paper/k3-fdd", "greedy", 10**6000), "not a number of too many digits"),
+        (("paper/k3-fdd", "greedy", 1.5), "episodes must be a whole number, not 1.5"),
+        (("paper/k3-fdd", "greedy", "3"), "episodes must be a whole number, not '3'"),
+        (("paper/k3-fdd", "greedy", True), "episodes must be a whole number, not True"),
+        (("paper/k3-fdd", "greedy", None), "episodes must be a whole number, not None"),
+        (("paper/k3-fdd", "greedy", math.nan), "episodes must be a whole number, not nan"),
+        (("paper/k3-fdd", "greedy", math.inf), "episodes must be at most 1,000,000, not inf"),
+        (("paper/k3-fdd", "greedy", [3, 4]), "episodes must be a whole number, not [3, 4]"),
+        (("paper/k3-fdd", "greedy", 1, -1), "seed must be at least 0, not -1"),
+        (("paper/k3-fdd", "greedy", 1, 0.5), "seed must be a whole number, not 0.5"),
+        (("paper/k3-fdd", "greedy", 1, None), "seed must be a whole number, not None"),
+        (("paper/k3-fdd", "greedy", 1, 2**64), "seed must be at most 18,446,"),
+        (
+            ("paper/k3-fdd", "."),
+            "is a folder; the policy of a run is trainers.RunFolder(Path('.'))",
+        ),
+        (("paper/k3-fdd", Path()), "the policy of a run is trainers.RunFolder(Path('.')).load_pol"),
     ],
 )
 def test_bad_arguments(arguments, expected):
@@ -134,9 +158,60 @@ def test_bad_arguments(arguments, expected):
     assert expected in str(raised.value)
 
 
-def test_policy_that_is_none():
-    with pytest.raises(TypeError, match="a policy needs"):
-        evaluate("paper/k3-fdd", 3)
+@pytest.mark.parametrize("number", [np.int64(2), np.uint8(2), 2.0, np.float32(2)])
+def test_whole_numbers_of_any_type(number):
+    found = evaluate("paper/k3-fdd", "greedy", number, number)
+    assert (found.episodes, found.seed) == (2, 2)
+    assert json.loads(to_json(found.to_json()))["seed"] == 2
+
+
+@pytest.mark.parametrize("policy", [3, None, 0.5, [1], {"name": "x"}, Path("missing")], ids=str)
+def test_policy_that_is_none(policy):
+    with pytest.raises(TypeError, match="a policy needs a name and a method act, or must be"):
+        evaluate("paper/k3-fdd", policy)
+
+
+def test_class_of_a_policy():
+    with pytest.raises(TypeError, match=r"must be an object, not its class: Greedy\(…\)"):
+        evaluate("paper/k3-fdd", Greedy)
+
+
+@pytest.mark.parametrize(
+    "choose",
+    [
+        lambda seen: None,
+        lambda seen: 3,
+        lambda seen: [],
+        lambda seen: "north",
+        lambda seen: [[[0, 0, 0]]],
+        lambda seen: [[[0, 0, 0]], [[0, 0]]],
+        lambda seen: np.zeros((*seen.shape[:2], 3)),
+        lambda seen: np.full((*seen.shape[:2], 3), np.nan),
+        lambda seen: np.zeros((*seen.shape[:2], 2), dtype=int),
+        lambda seen: np.full((*seen.shape[:2], 3), 99),
+    ],
+)
+def test_bad_actions_are_refused_in_one_line_that_names_the_policy(choose):
+    choose.__name__ = "choose"
+    with pytest.raises(InputError) as raised:
+        evaluate("paper/k3-fdd", choose, 2)
+    line = str(raised.value)
+    assert line.startswith("policy choose, slot 1: ")
+    assert "action" in line
+    assert len(line) < 400
+
+
+def test_actions_may_be_a_list():
+    found = evaluate("paper/k3-fdd", lambda seen: [[[0, 1, 2]]] * len(seen), 2)
+    assert found.episodes == 2
+
+
+def test_what_a_policy_raises_is_raised():
+    def fails(seen):
+        raise ZeroDivisionError("in a policy")
+
+    with pytest.raises(ZeroDivisionError, match="in a policy"):
+        evaluate("paper/k3-fdd", fails, 2)
 
 
 @pytest.mark.parametrize("count", [2, 3, 10, 100])
@@ -169,7 +244,9 @@ def test_equal_samples_leave_no_interval():
 def test_json_has_the_schema_of_the_contract():
     evaluation = evaluate("best/k3-tdd", "greedy", episodes=3, seed=2)
     record = json.loads(json.dumps(evaluation.to_json(), allow_nan=False))
-    assert list(record) == ["scenario", "scenario_hash", "policy", "episodes", "seed", "metrics"]
+    assert list(record) == [
+        *("scenario", "scenario_hash", "policy", "episodes", "deterministic", "seed", "metrics")
+    ]
     assert record["scenario"] == "best/k3-tdd"
     assert record["scenario_hash"] == load_scenario("best/k3-tdd").hash
     assert (record["policy"], record["episodes"], record["seed"]) == ("greedy", 3, 2)
@@ -183,7 +260,7 @@ def test_json_has_the_schema_of_the_contract():
 def test_single_episode_has_a_null_interval_in_json():
     record = evaluate("paper/k3-fdd", "greedy", episodes=1).to_json()
     for metric in record["metrics"].values():
-        assert metric["ci95"] == [None, None]
+        assert metric["ci95"] is None
     assert json.loads(json.dumps(record, allow_nan=False)) == record
 
 

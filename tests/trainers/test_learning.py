@@ -291,7 +291,7 @@ def test_policy_trained_with_masks_plays_with_them(tiny):
 
 def test_stochastic_policy_samples_from_the_stream_of_the_evaluation(tiny):
     trainer, _ = trained(tiny(), iterations=1)
-    policy = TrainedPolicy(trainer.network, stochastic=True)
+    policy = TrainedPolicy(trainer.network, sampled=True)
     first, second = (evaluate(trainer.scenario, policy, 4, seed=s) for s in (0, 0))
     other = evaluate(trainer.scenario, policy, 4, seed=1)
     assert np.array_equal(first.samples["reward"], second.samples["reward"])

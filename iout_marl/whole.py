@@ -1,0 +1,43 @@
+"""Whole numbers from outside: counts and seeds, however they are written."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+#: Seeds of torch have 64 bits.
+MAX_SEED = 2**64 - 1
+
+
+def whole_number(value: Any, least: int, most: int) -> int:
+    """A number as an `int`: 100, 1e6 or np.int64(3), but neither 1.5 nor True nor "3".
+
+    Args:
+        value: what was given.
+        least, most: what it cannot be below and above.
+
+    Raises:
+        ValueError: it is not whole, or outside these; the message begins with "must be".
+    """
+    is_number = isinstance(value, Real | Decimal) and not isinstance(value, bool | np.bool_)
+    if not is_number or value != value:  # or NaN
+        raise ValueError(f"must be a whole number, not {short(value)}")
+    if value < least:
+        raise ValueError(f"must be at least {least}, not {short(value)}")
+    if value > most:
+        raise ValueError(f"must be at most {most:,}, not {short(value)}")
+    if value % 1:
+        raise ValueError(f"must be a whole number, not {short(value)}")
+    return int(value)
+
+
+def short(value: Any) -> str:
+    """A value as messages show it, in one line."""
+    try:
+        text = str(value) if isinstance(value, Decimal) else " ".join(repr(value).split())
+    except ValueError:  # of more digits than Python writes
+        return "a number of too many digits"
+    return text if len(text) <= 40 else f"{text[:37]}..."
