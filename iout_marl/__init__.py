@@ -3,6 +3,10 @@
 The environment's page is `iout_marl.iout_v0`.
 """
 
+# isort: off
+from iout_marl import startup  # noqa: F401 (before all that takes its time)
+# isort: on
+
 from iout_marl import iout_v0
 from iout_marl.envs.registration import register_gymnasium, register_pettingzoo
 from iout_marl.errors import InputError

@@ -2,40 +2,42 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
-import statistics
+import signal
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn, cast
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
+import numpy as np
 import typer
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from iout_marl import __version__
+from iout_marl import __version__, startup
 from iout_marl.cli_bound import bound_command
-from iout_marl.cli_policies import (
-    evaluate_named,
-    planner_budget,
-    started_planner,
-    with_layout_of_runs,
+from iout_marl.cli_errors import reason_of
+from iout_marl.cli_options import (
+    JsonFile,
+    Overrides,
+    ScenarioArgument,
+    expanded,
+    folder,
+    give_out,
+    whole,
 )
-from iout_marl.cli_studies import JsonFile, Overrides, ScenarioArgument, report, reproduce
+from iout_marl.cli_policies import evaluate_all, planner_budget
+from iout_marl.cli_studies import report, reproduce
+from iout_marl.cli_tables import SIDE_BY_SIDE, show_columns, show_spread
 from iout_marl.errors import InputError
-from iout_marl.evaluation import Evaluation
-from iout_marl.files import write_text
+from iout_marl.evaluation import MAX_EPISODES
 from iout_marl.policies import BASELINES, UNTRAINED, USUAL
 from iout_marl.scenario import bundled_names, load_scenario, to_yaml
+from iout_marl.terminal import complain, finish_output, prepare_streams, present
+from iout_marl.whole import MAX_SEED
 
 if TYPE_CHECKING:
     from trainers import TrainingOutcome
-
-#: What Typer raises for a command line that it cannot read.
-UsageError = cast("type[Exception]", typer.BadParameter.__base__)
-#: Seeds of torch have 64 bits.
-MAX_SEED = 2**64 - 1
 
 app = typer.Typer(
     add_completion=False,
@@ -44,23 +46,10 @@ app = typer.Typer(
     help="AUVs that charge underwater sensor nodes by sound and collect their data.",
 )
 
-#: Policies that a table has a column for each of; of more it tells the spread.
-SIDE_BY_SIDE = 4
-#: Rows of the table of an evaluation: metric, heading, decimals.
-ROWS = (
-    ("mean_aoi", "mean AoI", 2),
-    ("final_aoi", "final AoI", 2),
-    ("peak_aoi", "peak AoI", 1),
-    ("jain", "Jain", 3),
-    ("harvested_kj", "harvested kJ", 2),
-    ("uplink_success", "uplinks", 3),
-    ("reward", "reward", 1),
-)
-
 
 def _print_version(value: bool) -> None:  # noqa: FBT001 (Typer calls it so)
     if value:
-        typer.echo(__version__)
+        present(__version__)
         raise typer.Exit
 
 
@@ -78,49 +67,66 @@ def _options(
 @app.command()
 def scenarios() -> None:
     """List the bundled scenarios."""
-    table = Table(box=None, pad_edge=False)
-    for heading in ("scenario", "nodes", "AUVs", "duplex", "reward", ""):
-        table.add_column(heading, justify="right" if heading in ("nodes", "AUVs") else "left")
+    rows = [("scenario", "nodes", "AUVs", "duplex", "reward", "")]
     for name in bundled_names():
         s = load_scenario(name)
-        table.add_row(
-            name, str(s.num_nodes), str(s.num_auvs), s.duplex.kind, s.reward.kind, s.description
-        )
-    _console().print(table)
+        sizes = str(s.num_nodes), str(s.num_auvs)
+        rows.append((name, *sizes, s.duplex.kind, s.reward.kind, s.description))
+    table = Table(box=None, pad_edge=False)
+    for heading, *cells in zip(*rows, strict=True):
+        # Only the description, under no heading, is folded where there is little room.
+        width = max(map(len, (heading, *cells))) if heading else 20
+        is_number = heading in ("nodes", "AUVs")
+        table.add_column(heading, justify="right" if is_number else "left", min_width=width)
+    for row in rows[1:]:
+        table.add_row(*map(Text, row))
+    present(table)
 
 
 @app.command()
 def show(scenario: ScenarioArgument, overrides: Overrides = None) -> None:
     """Print a whole scenario, after `extends`, preset and overrides, as YAML."""
     loaded = load_scenario(scenario, overrides or [])
-    typer.echo(f"# hash {loaded.hash}, of the world alone {loaded.world_hash}")
-    typer.echo(to_yaml(loaded), nl=False)
+    hashes = f"# hash {loaded.hash}, of the world alone {loaded.world_hash}"
+    present(f"{hashes}\n{to_yaml(loaded)}".rstrip("\n"))
 
 
 @app.command()
 def train(
     scenario: ScenarioArgument,
     out: Annotated[
-        Path | None, typer.Option(metavar="RUN", help="Folder of the run [runs/SCENARIO-sSEED].")
+        Path | None,
+        typer.Option(metavar="RUN", parser=folder, help="Folder of the run [runs/SCENARIO-sSEED]."),
     ] = None,
     seed: Annotated[
         int | None,
-        typer.Option(min=0, max=MAX_SEED, help="Seed of weights, layouts and actions [0]."),
+        typer.Option(
+            metavar="N",
+            parser=whole(0, MAX_SEED),
+            help="Seed of weights, layouts and actions [0].",
+        ),
     ] = None,
     steps: Annotated[
-        int | None, typer.Option(min=1, help="Environment steps [the scenario's].")
+        int | None,
+        typer.Option(
+            metavar="N", parser=whole(1, 2**63 - 1), help="Environment steps [the scenario's]."
+        ),
     ] = None,
     device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
     resume: Annotated[
-        Path | None, typer.Option(metavar="RUN", help="Go on with a run that was stopped.")
+        Path | None,
+        typer.Option(metavar="RUN", parser=folder, help="Go on with a run that was stopped."),
     ] = None,
     threads: Annotated[
-        int | None, typer.Option(min=1, help="Threads of torch on a CPU [1].")
+        int | None,
+        typer.Option(metavar="N", parser=whole(1, 1024), help="Threads of torch on a CPU [1]."),
     ] = None,
     replicas: Annotated[
         int | None,
         typer.Option(
-            min=1, max=10_000, help="Policies side by side, from seeds SEED, SEED + 1, … [1]."
+            metavar="N",
+            parser=whole(1, 10_000),
+            help="Policies side by side, from seeds SEED, SEED + 1, … [1].",
         ),
     ] = None,
     overrides: Overrides = None,
@@ -181,18 +187,18 @@ def _report(
         words = ["iout", "train", scenario, "--resume", str(run)]
         words += [] if graphs else ["--no-graphs"]
         words += [word for setting in settings for word in ("--set", setting)]
-        typer.echo(
+        present(
             f"stopped after {outcome.trainer.env_steps:,} environment steps; "
             f"go on with: {shlex.join(words)}"
         )
         return
     if len(outcome.evaluations) > SIDE_BY_SIDE:
-        _print_spread(outcome.evaluations)
+        show_spread(outcome.evaluations)
     else:
-        _print_table(outcome.evaluations)
-    typer.echo(
+        show_columns(outcome.evaluations)
+    present(
         f"trained for {outcome.seconds:.0f} s; the run is in {run} "
-        f"(curves: tensorboard --logdir {run})"
+        f"(curves: tensorboard --logdir {shlex.quote(str(run))})"
     )
 
 
@@ -203,13 +209,29 @@ def evaluate_command(
         list[str] | None,
         typer.Option(
             metavar="NAME|RUN",
+            parser=expanded,
             help=f"{', '.join(UNTRAINED)}, or the folder of a run; may be repeated. The last "
             "two plan every layout anew, which takes a moment for each "
             f"[default: {', '.join(BASELINES)}].",
         ),
     ] = None,
-    episodes: Annotated[int, typer.Option(min=1, help="Episodes of each policy.")] = 100,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of layouts and chance.")] = 0,
+    episodes: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            parser=whole(1, MAX_EPISODES),
+            help="Episodes of each policy; where neither it nor the world leaves anything to "
+            "chance, one is played.",
+        ),
+    ] = 100,
+    seed: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            parser=whole(0, MAX_SEED),
+            help="Seed of layouts and chance; that of the next episode is one more.",
+        ),
+    ] = 0,
     json_file: JsonFile = None,
     *,
     planner_seconds: Annotated[
@@ -219,44 +241,55 @@ def evaluate_command(
     planner_rounds: Annotated[
         int | None,
         typer.Option(
+            metavar="N",
+            parser=whole(0, 10**9),
             help="The same in rounds of its search, which give the same plans on any machine "
-            f"[{USUAL.rounds}]."
+            f"[{USUAL.rounds}].",
         ),
     ] = None,
     planner_start: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME|RUN",
+            parser=expanded,
             help="A policy that the planner starts from: it will be no worse; may be repeated.",
         ),
     ] = None,
+    sampled: Annotated[
+        bool,
+        typer.Option(
+            "--sampled",
+            help="Draw the actions of trained policies, as in training, rather than take the "
+            "most probable.",
+        ),
+    ] = False,
     transfer: Annotated[
-        bool, typer.Option("--transfer", help="Allow runs of another scenario that fits.")
+        bool,
+        typer.Option(
+            "--transfer",
+            help="Allow runs of another scenario that fits; where each has a layout of its own, "
+            "all play in that of the first.",
+        ),
     ] = False,
     overrides: Overrides = None,
 ) -> None:
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
-    loaded = load_scenario(scenario, overrides or [])
-    names, starts = policy or list(BASELINES), planner_start or []
-    loaded = with_layout_of_runs(loaded, [*names, *starts], transfer=transfer)
-    planner = None
-    if planner_seconds is not None or planner_rounds is not None or starts:
-        if "planner" not in names:
-            raise InputError("--planner-…: there is no planner without --policy planner")
-        budget = planner_budget(planner_seconds, planner_rounds)
-        planner = started_planner(loaded, starts, budget, seed, transfer=transfer)
-    results = [
-        evaluate_named(loaded, name, episodes, seed, transfer=transfer, planner=planner)
-        for name in names
-    ]
-    records = [r.to_json() for r in results]
-    text = json.dumps(records[0] if len(records) == 1 else records, indent=2)
-    if json_file is not None and str(json_file) == "-":
-        typer.echo(text)
-        return
-    _print_table(results)
-    if json_file is not None:
-        write_text(json_file, text)
+    results, layouts = evaluate_all(
+        load_scenario(scenario, overrides or []),
+        policy or list(BASELINES),
+        planner_start or [],
+        planner_budget(planner_seconds, planner_rounds),
+        episodes,
+        seed,
+        transfer=transfer,
+        sampled=sampled,
+    )
+    records = [result.to_json() for result in results]
+    give_out(
+        records[0] if len(records) == 1 else records,
+        json_file,
+        lambda: show_columns(results, layouts),
+    )
 
 
 app.command("bound")(bound_command)
@@ -264,73 +297,49 @@ app.command()(reproduce)
 app.command()(report)
 
 
-def _console() -> Console:
-    # Piped into a file, a table must not be folded to the width of a terminal.
-    return Console(width=None if sys.stdout.isatty() else 160, highlight=False)
-
-
-def _print_table(results: list[Evaluation]) -> None:
-    first = results[0]
-    typer.echo(
-        f"{first.scenario} ({first.scenario_hash}): {first.episodes} episodes, seed {first.seed}\n"
-        "mean ± half of the 95 % confidence interval"
-    )
-    table = Table()
-    # A column for each policy: four of them fit into a terminal of 80 columns.
-    table.add_column("")
-    for result in results:
-        table.add_column(result.policy, justify="right", overflow="fold")
-    for name, heading, digits in ROWS:
-        cells = []
-        for result in results:
-            estimate = result.metrics[name]
-            cells.append(f"{estimate.mean:.{digits}f}")
-            if result.episodes > 1:
-                cells[-1] += f" ± {estimate.margin:.{digits}f}"
-        table.add_row(heading, *cells)
-    _console().print(table)
-
-
-def _print_spread(results: list[Evaluation]) -> None:
-    """What many policies of one training come to."""
-    first = results[0]
-    typer.echo(
-        f"{first.scenario} ({first.scenario_hash}): {len(results)} policies, "
-        f"{first.episodes} episodes each, seed {first.seed}\nmeans over their episodes"
-    )
-    table = Table()
-    for heading in ("", "lowest", "median", "highest"):
-        table.add_column(heading, justify="right" if heading else "left")
-    for name, heading, digits in ROWS:
-        means = [result.metrics[name].mean for result in results]
-        figures = (min(means), statistics.median(means), max(means))
-        table.add_row(heading, *(f"{figure:.{digits}f}" for figure in figures))
-    _console().print(table)
-
-
 def main(arguments: list[str] | None = None) -> NoReturn:
-    """Entry point: exit status 0, or 2 with one clear line for bad input."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    try:
-        status = app(args=arguments or ["--help"], prog_name="iout", standalone_mode=False)
-    except InputError as error:
-        _fail(str(error))
-    except UsageError as error:
-        _fail(f"{getattr(error, 'format_message', error.__str__)()} (see: iout --help)")
-    except OSError as error:
-        _fail(f"{error.filename or 'input or output'}: {error.strerror}")
-    except MemoryError:
-        _fail("not enough memory")
-    except (KeyboardInterrupt, typer.Abort):
-        sys.stderr.write("iout: interrupted\n")
-        status = 130
+    """Entry point: exit status 0, or 2 with one clear line for bad input.
+
+    130 after Ctrl-C, and 141, as by SIGPIPE, where nobody reads standard output any more.
+    """
+    is_program = arguments is None
+    startup.stop_guarding()
+    prepare_streams()
+    status, line = _run(sys.argv[1:] if arguments is None else arguments)
+    lost = finish_output()
+    if lost is not None and not status:
+        status, line = _status_of(lost)
+    if line:
+        complain(f"iout: {line}")
+    if is_program:
+        # All is done: from here on Ctrl-C has nothing to interrupt but Python's own end.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     sys.exit(status)
 
 
-def _fail(message: str) -> NoReturn:
-    # In one go: `print` writes line and end apart, and processes of a group may get in between.
-    sys.stderr.write(f"iout: {message}\n")
-    sys.exit(2)
+def _run(arguments: list[str]) -> tuple[int, str]:
+    """Run a command line; its exit status, and the line that says what was wrong, if so."""
+    try:
+        # What is too large to compute with, the results say: a warning would say it elsewhere.
+        with np.errstate(all="ignore"):
+            command = typer.main.get_command(app)
+            with command.make_context("iout", list(arguments) or ["--help"]) as context:
+                command.invoke(context)
+    except typer.Exit as ended:
+        return ended.exit_code, ""
+    except (KeyboardInterrupt, typer.Abort):
+        return 130, "interrupted"
+    except Exception as error:
+        # What is nobody's input is a fault of this program's: for that, a traceback.
+        if reason_of(error) is None:
+            raise
+        return _status_of(error)
+    return 0, ""
+
+
+def _status_of(error: Exception) -> tuple[int, str]:
+    # Whoever reads standard output, `head` say, has seen enough.
+    return (141, "") if isinstance(error, BrokenPipeError) else (2, reason_of(error) or "")
 
 
 if __name__ == "__main__":

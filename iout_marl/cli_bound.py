@@ -9,10 +9,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from iout_marl.cli_options import JsonFile, Overrides, ScenarioArgument, expanded, whole
 from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
-from iout_marl.cli_studies import JsonFile, Overrides, ScenarioArgument
 from iout_marl.files import write_text
 from iout_marl.scenario import RandomNodes, load_scenario
+from iout_marl.whole import MAX_SEED
 from iout_marl.world import pin_layout
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ def bound_command(
         list[str] | None,
         typer.Option(
             metavar="NAME|RUN",
+            parser=expanded,
             help="A policy to compare with the bound, beside tour and planner; may be repeated.",
         ),
     ] = None,
@@ -42,7 +44,8 @@ def bound_command(
     seed: Annotated[
         int | None,
         typer.Option(
-            min=0,
+            metavar="N",
+            parser=whole(0, MAX_SEED),
             help="Seeds the policies' episodes, and where nodes are drawn once for a run, draws "
             "them as a run of this seed does [0, the bound being for every layout]. A run that is "
             "named as a policy has a layout of its own, which goes before.",

@@ -12,38 +12,35 @@ from typing import Annotated
 import typer
 
 from iout_marl import machine
+from iout_marl.cli_options import Overrides, expanded, file, folder, whole
 from iout_marl.errors import InputError
 from iout_marl.files import write_atomically
-
-ScenarioArgument = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="A bundled name, or a path to a YAML file.")
-]
-JsonFile = Annotated[
-    Path | None,
-    typer.Option("--json", metavar="FILE", help="Also write the figures as JSON; - prints it."),
-]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="KEY=VALUE", help="Change a key of the scenario; may be repeated."
-    ),
-]
 
 
 def reproduce(
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder of the study [runs/STUDY or runs/STUDY-quick]."),
+        typer.Option(
+            metavar="DIR",
+            parser=folder,
+            help="Folder of the study [runs/STUDY or runs/STUDY-quick].",
+        ),
     ] = None,
     *,
     quick: Annotated[
         bool, typer.Option("--quick", help="The study's short form: minutes, one seed.")
     ] = False,
     study: Annotated[
-        str, typer.Option(metavar="STUDY", help="A bundled study, or a path to a YAML file.")
+        str,
+        typer.Option(
+            metavar="STUDY", parser=expanded, help="A bundled study, or a path to a YAML file."
+        ),
     ] = "paper",
     jobs: Annotated[
-        int | None, typer.Option(min=1, help="Processes side by side [the number of cores].")
+        int | None,
+        typer.Option(
+            metavar="N", parser=whole(1, 1000), help="Processes side by side [the number of cores]."
+        ),
     ] = None,
     scheduler: Annotated[
         str | None,
@@ -99,10 +96,12 @@ def reproduce(
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with a results.json.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", parser=folder, help="Folder with a results.json.")
+    ],
     markdown: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Where the Markdown goes [DIR/report.md]."),
+        typer.Option(metavar="FILE", parser=file, help="Where the Markdown goes [DIR/report.md]."),
     ] = None,
 ) -> None:
     """Write the report of a study's results once more: page, Markdown and figures."""

@@ -14,7 +14,12 @@ class InputError(ValueError):
 
     def __init__(self, message: str) -> None:
         # Keys and values of the user's may hold line breaks.
-        super().__init__("".join(c if c.isprintable() else repr(c)[1:-1] for c in message))
+        super().__init__(printable(message))
+
+
+def printable(text: str) -> str:
+    """Text in one line: line breaks and control characters as Python writes them."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -51,15 +51,22 @@ def write_together(files: Mapping[Path, bytes]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text where a user wants it, with a line break at its end; a pipe will do.
+    """Write a text where a user wants it, with a line break at its end.
+
+    A file is written whole or not at all; a pipe or a device will do, too.
 
     Raises:
         InputError: it cannot be written.
     """
+    data = f"{text}\n".encode()
     try:
-        path.write_text(text + "\n", encoding="utf-8")
+        if path.exists() and not path.is_file():
+            path.write_bytes(data)
+            return
+        target = path.resolve() if path.is_symlink() else path
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    write_atomically(target, data)
 
 
 def to_json(data: Any, *, indent: int | None = None) -> str:

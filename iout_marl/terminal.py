@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import io
+import os
 import sys
 from contextlib import suppress
 from typing import Any, TextIO
 
-from rich.console import Console
+from rich.console import Console, RenderableType
+
+#: Columns of what goes into a file or a pipe: no terminal folds it there.
+WIDE = 160
+#: Text of a user's is shown as it is: `[brackets]` in it are no markup.
+_PLAIN: dict[str, Any] = {"markup": False, "highlight": False, "emoji": False}
 
 
 class _Unfailing(io.TextIOBase):
@@ -49,6 +56,12 @@ class _Unfailing(io.TextIOBase):
                 self._stream.flush()
 
 
+class _Output(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave it to the caller: Rich would end the program."""
+        raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
+
+
 def progress_console(**options: Any) -> Console:
     """A console on standard error that never raises, for what is shown beside the work.
 
@@ -57,5 +70,65 @@ def progress_console(**options: Any) -> Console:
     Args:
         options: further ones of `rich.console.Console`.
     """
-    settings: dict[str, Any] = {"markup": False, "highlight": False, "emoji": False, **options}
-    return Console(file=_Unfailing(sys.stderr), **settings)  # type: ignore[arg-type]
+    return Console(file=_Unfailing(sys.stderr), **{**_PLAIN, **options})  # type: ignore[arg-type]
+
+
+def present(what: RenderableType) -> None:
+    """Show what a command was asked for on standard output: lines of text, or a table.
+
+    Text is neither folded nor cut off, and a table is as wide as it has to be, if wider than
+    the terminal; colours are for terminals alone.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    try:
+        console = _Output(width=None if sys.stdout.isatty() else WIDE, **_PLAIN)
+        if isinstance(what, str):
+            console.out(what)
+        else:
+            least = console.measure(what).minimum
+            console.print(what, width=max(console.width, least), crop=False, no_wrap=False)
+    except OSError as error:
+        error.filename = "standard output"
+        raise
+
+
+def complain(line: str) -> None:
+    """Write a line to standard error, if that can be."""
+    # In one go: several processes of a group may write there, and get in between.
+    stream = _Unfailing(sys.stderr)
+    stream.write(f"{line}\n")
+    stream.flush()
+
+
+def prepare_streams() -> None:
+    """Make standard output and error fit for any text; what was closed leads nowhere.
+
+    A character that their encoding lacks is replaced. Descriptors that are closed are opened:
+    otherwise the next file would be taken for one of them.
+    """
+    with suppress(OSError):
+        while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
+            pass
+        os.close(descriptor)
+    for name, descriptor, errors in (("stdout", 1, "replace"), ("stderr", 2, "backslashreplace")):
+        stream = getattr(sys, name)
+        if stream is None:
+            opened = open(descriptor, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+            setattr(sys, name, opened)
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors=errors)
+
+
+def finish_output() -> OSError | None:
+    """Write what is left of standard output; why that cannot be, and then drop it."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        # Python itself flushes once more when it ends, and would say so in its own way.
+        with suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        error.filename = "standard output"
+        return error
+    return None

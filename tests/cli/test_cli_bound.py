@@ -81,8 +81,12 @@ def test_bad_input(refused, words, expected):
     assert expected in refused("bound", *words)
 
 
-def test_json_that_can_not_be_written(iout):
-    status, out, err = iout("bound", "multi/m3-k10-fdd", *SHORT, "--json", "missing/x.json")
+def test_json_that_can_not_be_written(iout, refused):
+    words = ("bound", "multi/m3-k10-fdd", *SHORT, "--json")
+    assert "missing/x.json: cannot be written: missing is no folder" in refused(
+        *words, "missing/x.json"
+    )
+    status, out, err = iout(*words, "x" * 300)
     assert status == 2
     assert "scheduling bound" in out
     assert "cannot be written: " in err

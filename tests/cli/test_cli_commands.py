@@ -103,7 +103,7 @@ def test_train_and_evaluate(iout, tiny_settings, tmp_path):
     assert "the run is in run" in out
     assert "Traceback" not in err
     result = json.loads((tmp_path / "run/result.json").read_text())
-    assert (result["seed"], result["evaluation"]["episodes"]) == (4, 100)
+    assert (result["seed"], result["evaluation"]["episodes"]) == (4, 1)
 
     words = ["evaluate", "best/k3-fdd", *tiny_settings, "--policy", "run", "--json", "-"]
     status, out, err = iout(*words)
@@ -148,16 +148,29 @@ def test_progress_goes_to_standard_error(iout, tiny_settings):
 def test_evaluate_prints_a_table_of_all_baselines(iout):
     status, out, err = iout("evaluate", "paper/k3-fdd", "--episodes", 3)
     assert (status, err) == (0, "")
-    assert "3 episodes, seed 0\nmean ± half of the 95 % confidence interval" in out
+    assert "3 episodes of random-walk, round-robin and greedy; 1 episode (deterministic) of" in out
+    assert " of tour; seed 0\nmean ± half of the 95 % confidence interval" in out
     assert re.search(r"random-walk .*round-robin .*greedy", out)
-    assert re.search(r"mean AoI +(│ +\d+\.\d\d ± \d+\.\d\d ){3}", out)
+    assert re.search(r"mean AoI +(│ +\d+\.\d\d ± \d+\.\d\d ){3}│ +\d+\.\d\d │", out)
 
 
 def test_evaluate_of_one_episode_shows_no_interval(iout):
     status, out, _ = iout("evaluate", "paper/k3-fdd", "--episodes", 1, "--policy", "greedy")
     assert status == 0
     assert "nan" not in out
-    assert len(re.findall("±", out)) == 1, "the title's alone"
+    assert ": 1 episode; seed 0\n" in out
+    assert "±" not in out
+
+
+def test_evaluate_without_chance_plays_one_episode_and_says_so(iout):
+    words = ["evaluate", "paper/k3-fdd", "--episodes", 7, "--policy", "tour"]
+    status, out, err = iout(*words)
+    assert (status, err) == (0, "")
+    assert ": 1 episode (deterministic); seed 0\n" in out
+    assert "±" not in out
+    record = json.loads(iout(*words, "--json", "-")[1])
+    assert (record["episodes"], record["deterministic"]) == (1, True)
+    assert all(metric["ci95"] is None for metric in record["metrics"].values())
 
 
 def test_json_to_standard_output_is_all_that_is_printed(iout):

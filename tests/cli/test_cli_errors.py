@@ -106,7 +106,7 @@ def test_bad_policy(refused, policy, expected):
             "either rounds or seconds",
         ),
         (["--policy", "planner", "--planner-seconds", "-3"], "seconds must be 0 or more, not -3.0"),
-        (["--policy", "planner", "--planner-rounds", "-3"], "rounds must not be negative, not -3"),
+        (["--policy", "planner", "--planner-rounds", "-3"], "must be at least 0, not -3"),
         (["--policy", "planner", "--planner-start", "gredy"], "--planner-start gredy: neither"),
     ],
 )
@@ -119,10 +119,25 @@ def test_one_bad_policy_among_good_ones(refused):
     assert "did you mean 'greedy'?" in refused("evaluate", "paper/k3-fdd", *words)
 
 
-@pytest.mark.parametrize("path", ["missing/x.json", "file/x.json", ".", "", "x" * 300])
-def test_json_that_can_not_be_written_leaves_the_table(iout, tmp_path, path):
+@pytest.mark.parametrize(
+    ("path", "expected"),
+    [
+        ("missing/x.json", "missing/x.json: cannot be written: missing is no folder"),
+        ("file/x.json", "file/x.json: cannot be written: file is no folder"),
+        (".", ".: cannot be written: is a folder, not a file"),
+        ("", "must name a file, not be empty"),
+        ("  ", "must name a file, not be empty"),
+    ],
+)
+def test_json_that_can_not_be_written_is_refused_before_anything_is_played(
+    refused, tmp_path, path, expected
+):
     (tmp_path / "file").touch()
-    words = ["--policy", "greedy", "--episodes", 1, "--json", path]
+    assert expected in refused("evaluate", "paper/k3-fdd", "--json", path)
+
+
+def test_json_that_can_not_be_written_leaves_the_table(iout):
+    words = ["--policy", "greedy", "--episodes", 1, "--json", "x" * 300]
     status, out, err = iout("evaluate", "paper/k3-fdd", *words)
     assert status == 2
     assert "mean AoI" in out

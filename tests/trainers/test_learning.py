@@ -258,7 +258,7 @@ def test_trained_policy_plays_as_its_network_does_in_the_environment(tiny, chang
             update={"action_mask": "info"})}
     )  # fmt: skip
     env = iout_v0.parallel_env(scenario)
-    for episode in range(3):
+    for episode in range(evaluation.episodes):
         observations, infos = env.reset(seed=5 + episode)
         total = 0.0
         while env.agents:

@@ -1,0 +1,102 @@
+"""Options and arguments that several commands have, and how they are read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from iout_marl.files import to_json, write_text
+from iout_marl.terminal import present
+from iout_marl.whole import short, whole_number
+
+
+def whole(least: int, most: int) -> Callable[[str], int]:
+    """Reads a whole number: 100, 1_000, 1e6."""
+
+    def number(text: str) -> int:
+        try:
+            given = Decimal(text)
+            return whole_number(given if given.is_finite() else text, least, most)
+        except InvalidOperation:
+            raise typer.BadParameter(f"must be a whole number, not {short(text)}") from None
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from None
+
+    return number
+
+
+def expanded(text: str) -> str:
+    """Reads a name or a path: a ~ in front is the home folder, also after `=`."""
+    if not text.startswith("~"):
+        return text
+    try:
+        return str(Path(text).expanduser())
+    except RuntimeError:
+        raise typer.BadParameter(f"{text}: there is no such home folder") from None
+
+
+def folder(text: str) -> Path:
+    """Reads the path of a folder, which may be new."""
+    path = _path(text, "a folder")
+    if os.path.exists(path) and not os.path.isdir(path):  # noqa: PTH110, PTH112 (never raise)
+        raise typer.BadParameter(f"{path}: is a file, not a folder")
+    return path
+
+
+def file(text: str) -> Path:
+    """Reads the path of a file to write."""
+    path = _path(text, "a file")
+    if os.path.isdir(path):  # noqa: PTH112 (never raises)
+        raise typer.BadParameter(f"{path}: cannot be written: is a folder, not a file")
+    if not os.path.isdir(path.parent):  # noqa: PTH112
+        raise typer.BadParameter(f"{path}: cannot be written: {path.parent} is no folder")
+    return path
+
+
+def _path(text: str, what: str) -> Path:
+    if not text.strip():
+        raise typer.BadParameter(f"must name {what}, not be empty")
+    return Path(expanded(text))
+
+
+ScenarioArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENARIO", parser=expanded, help="A bundled name, or a path to a YAML file."
+    ),
+]
+JsonFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--json", metavar="FILE", parser=file, help="Also write the figures as JSON; - prints it."
+    ),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Change a key of the scenario; may be repeated."
+    ),
+]
+
+
+def give_out(record: Any, json_file: Path | None, show_tables: Callable[[], None]) -> None:
+    """Write a record where `--json` says, and show the tables; for `-` only print the record.
+
+    Raises:
+        InputError: it cannot be written; the tables are shown all the same.
+    """
+    text = to_json(record, indent=2)
+    if json_file is not None and str(json_file) == "-":
+        present(text)
+        return
+    try:
+        # First what is to be kept: nothing that happens to the terminal may cost it.
+        if json_file is not None:
+            write_text(json_file, text)
+    finally:
+        show_tables()
