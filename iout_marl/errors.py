@@ -5,6 +5,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+#: Longer messages lose their middle.
+MAX_MESSAGE = 1500
+
 
 class InputError(ValueError):
     """Bad input: its message is one line that says where, what, and what was meant.
@@ -13,8 +16,8 @@ class InputError(ValueError):
     """
 
     def __init__(self, message: str) -> None:
-        # Keys and values of the user's may hold line breaks.
-        super().__init__(printable(message))
+        # Keys and values of the user's may hold line breaks, and be of any length.
+        super().__init__(_without_middle(printable(_without_middle(message))))
 
 
 def printable(text: str) -> str:
@@ -22,10 +25,22 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """'; did you mean 'x'?' for the known word nearest to `word`, or the list of all."""
+def _without_middle(text: str) -> str:
+    half = MAX_MESSAGE // 2 - 2
+    return text if len(text) <= MAX_MESSAGE else f"{text[:half]} … {text[-half:]}"
+
+
+def did_you_mean(word: str, known: Iterable[str], *, most: int = 1, or_list: bool = True) -> str:
+    """'; did you mean 'x'?' for the known words nearest to `word`, or the list of all.
+
+    Args:
+        word: what was written.
+        known: what could have been meant.
+        most: how many words to suggest at most.
+        or_list: whether to list what is known where nothing is near.
+    """
     choices = sorted(set(known))
-    near = difflib.get_close_matches(word, choices, n=1, cutoff=0.6)
+    near = difflib.get_close_matches(word, choices, n=most, cutoff=0.6)
     if near:
-        return f"; did you mean {near[0]!r}?"
-    return f" (known: {', '.join(choices)})" if choices else ""
+        return f"; did you mean {' or '.join(map(repr, near))}?"
+    return f" (known: {', '.join(choices)})" if choices and or_list else ""

@@ -1,8 +1,8 @@
 """Scenarios: YAML files that say all that changes a result."""
 
-from iout_marl.scenario.layers import show_file
-from iout_marl.scenario.loading import load_scenario, to_yaml
-from iout_marl.scenario.schema import Scenario, Training
+from iout_marl.scenario.loading import load_scenario, parse_scenario, to_yaml
+from iout_marl.scenario.places import show_file
+from iout_marl.scenario.schema import Scenario
 from iout_marl.scenario.sections import (
     Fdd,
     FixedNodes,
@@ -14,6 +14,7 @@ from iout_marl.scenario.sections import (
     Tdd,
 )
 from iout_marl.scenario.sources import bundled_names, bundled_root, find_scenario
+from iout_marl.scenario.training import Training
 
 __all__ = [
     "Fdd",
@@ -30,6 +31,7 @@ __all__ = [
     "bundled_root",
     "find_scenario",
     "load_scenario",
+    "parse_scenario",
     "show_file",
     "to_yaml",
 ]

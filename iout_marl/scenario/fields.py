@@ -1,38 +1,101 @@
-"""Of what every section of a scenario is made: types of fields, strictness, errors."""
+"""Of what every section of a scenario is made: types of fields, strictness, errors.
+
+Numbers have two kinds of limits. Hard ones hold always: what lies beyond cannot be computed
+with. `Plausible` ranges are those of any sea and any hardware: what lies beyond is most often a
+slip (a frequency in Hz, a sign forgotten), and allowed only to a scenario that lists its key in
+`allow_implausible`.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
-from iout_marl.errors import did_you_mean
-
-Positive: TypeAlias = Annotated[float, Field(gt=0)]
-NonNegative: TypeAlias = Annotated[float, Field(ge=0)]
-Fraction: TypeAlias = Annotated[float, Field(ge=0, le=1)]
-Count: TypeAlias = Annotated[int, Field(ge=1, le=10**12)]
-Cell: TypeAlias = Annotated[tuple[Count, Count, Count], Field(strict=False)]
+#: Sizes of numbers, other than 0, with which equations neither overflow nor vanish.
+SMALLEST, LARGEST = 1e-15, 1e15
 
 
-def invalid(path: tuple[str | int, ...], message: str) -> PydanticCustomError:
-    """An error at `path` below the model that raises it."""
+def invalid(
+    path: tuple[str | int, ...], message: str, *, beside: tuple[str | int, ...] = ()
+) -> PydanticCustomError:
+    """An error at `path` below the model that raises it.
+
+    Args:
+        path: what is wrong.
+        message: why.
+        beside: the other key of the whole that it does not go with, whose place is named too.
+    """
     # The message is data, not a template: braces in it must not be filled in.
-    return PydanticCustomError("invalid", "{message}", {"message": message, "path": path})
+    context = {"message": message, "path": path, "beside": beside}
+    return PydanticCustomError("invalid", "{message}", context)
+
+
+@dataclass(frozen=True)
+class Plausible:
+    """The range in which a number is believed, of a field or of the items of a list.
+
+    Attributes:
+        low, high: the range.
+        unit: of what.
+        slips: factors by which such a number is easily off.
+    """
+
+    low: float
+    high: float
+    unit: str = ""
+    slips: tuple[float, ...] = ()
+
+    def holds(self, value: float) -> bool:
+        """Whether the number is believed."""
+        return self.low <= value <= self.high
+
+    def doubt(self, value: float) -> str:
+        """What is said of a number that is not."""
+        meant = [value * slip for slip in self.slips if self.holds(value * slip)]
+        unit = f" {self.unit}" if self.unit else ""
+        text = f"{value:g}{unit} is implausible: usual are {self.low:g} to {self.high:g}{unit}"
+        return f"{text} (was {meant[0]:g} meant?)" if meant else text
+
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
+        """The range in a generated schema, where it binds nothing."""
+        schema: dict[str, Any] = handler(core_schema)
+        return {**schema, "plausible": {"low": self.low, "high": self.high, "unit": self.unit}}
+
+
+def _whole(value: object) -> object:
+    """1e6 is a whole number, if written as one of the others."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _computable(value: float) -> float:
+    if value and not SMALLEST <= abs(value) <= LARGEST:
+        raise invalid((), f"must be 0 or of a size from {SMALLEST:g} to {LARGEST:g}, not {value:g}")
+    return value
+
+
+def _writable(text: str) -> str:
+    if any("\ud800" <= c <= "\udfff" for c in text):
+        raise invalid((), "holds half a character, such as \\ud800")
+    return text
+
+
+Real: TypeAlias = Annotated[float, AfterValidator(_computable)]
+Positive: TypeAlias = Annotated[float, Field(gt=0), AfterValidator(_computable)]
+NonNegative: TypeAlias = Annotated[float, Field(ge=0), AfterValidator(_computable)]
+Fraction: TypeAlias = Annotated[float, Field(ge=0, le=1)]
+#: A share that is not 0.
+Efficiency: TypeAlias = Annotated[float, Field(gt=0, le=1), AfterValidator(_computable)]
+#: A level or a gain in dB; beyond, powers would overflow.
+Decibels: TypeAlias = Annotated[float, Field(ge=-300, le=300)]
+Count: TypeAlias = Annotated[int, BeforeValidator(_whole), Field(ge=1, le=10**12)]
+Cell: TypeAlias = Annotated[tuple[Count, Count, Count], Field(strict=False)]
+Text: TypeAlias = Annotated[str, Field(max_length=10_000), AfterValidator(_writable)]
 
 
 class Section(BaseModel):
     """A section of a scenario: immutable, strictly typed, without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _refuse_unknown_keys(cls, data: Any) -> Any:
-        if isinstance(data, dict):
-            for key in data:
-                if key not in cls.model_fields:
-                    hint = did_you_mean(str(key), cls.model_fields)
-                    raise invalid((key,), f"unknown key{hint}")
-        return data

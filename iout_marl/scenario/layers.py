@@ -1,40 +1,43 @@
-"""YAML files as layers: read, merged, and every value traced to its file and line."""
+"""Settings as layers: read, merged, and every value traced to where it was written.
+
+A layer lies over another one: mappings merge key by key, all else replaces. Two things follow:
+
+- A part whose `kind` changes starts from that kind's defaults.
+- Where a layer lists cells and a layer below counts them (`nodes.cells` over `nodes.count`,
+  `auvs.start_cells` over `auvs.count`), that count no longer holds: all of the list is meant. A
+  count above its list, or beside it in one layer, holds: the first so many are meant.
+"""
 
 from __future__ import annotations
 
-import os
-import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap, CommentedSeq
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.scalarbool import ScalarBoolean
-
 from iout_marl.errors import InputError
+from iout_marl.scenario.places import KeyPath, Places, shorten, show_file, show_path, show_value
+from iout_marl.scenario.plain import plain_mapping, plain_value
 from iout_marl.scenario.sources import find_scenario
+from iout_marl.scenario.yaml_values import MAX_BYTES, read_yaml
 
-#: A key's way down from the top of the scenario: names and list indices.
-KeyPath = tuple[str | int, ...]
-#: More values than any scenario has. Aliases of aliases would multiply without end.
-MAX_VALUES = 100_000
+__all__ = [
+    "KeyPath",
+    "Layer",
+    "mapping_layer",
+    "overrides_layer",
+    "parse_file",
+    "pop_bases",
+    "read_file",
+    "read_with_bases",
+    "show_file",
+    "show_path",
+]
 
-
-def show_path(path: KeyPath) -> str:
-    """`nodes.cells[2]` for ("nodes", "cells", 2)."""
-    text = ""
-    for key in path:
-        text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else str(key)
-    return text
-
-
-def show_file(path: Path) -> str:
-    """The shorter of a file's path as given and its path from here."""
-    relative = os.path.relpath(path)
-    return relative if len(relative) < len(str(path)) else str(path)
+#: Lists, and the key beside each that says how many of its entries are meant.
+_COUNTED = {("nodes", "cells"): "count", ("auvs", "start_cells"): "count"}
+#: Scenarios that one may extend, those that they extend among them.
+MAX_BASES = 100
 
 
 @dataclass
@@ -43,58 +46,59 @@ class Layer:
 
     Attributes:
         data: nested mappings, lists and scalars.
-        origins: for the path of every key and list item, `file:line` or the override
+        places: for the path of every key and list item, `file:line` or the override
             that wrote it.
     """
 
     data: dict[str, Any] = field(default_factory=dict)
-    origins: dict[KeyPath, str] = field(default_factory=dict)
+    places: Places = field(default_factory=Places)
 
     def origin(self, path: KeyPath) -> str:
         """Where `path` was written, or else the nearest key above it."""
-        for end in range(len(path), -1, -1):
-            if path[:end] in self.origins:
-                return self.origins[path[:end]]
-        return "scenario"
+        return self.places.nearest(path) or "scenario"
 
     def over(self, base: Layer) -> Layer:
-        """This layer's settings over those of `base`.
-
-        Mappings merge key by key, all else replaces. A part whose `kind` changes
-        starts from that kind's defaults: the keys of the other kind mean nothing to it.
-        """
-        merged = Layer(dict(base.data), dict(base.origins))
-        _merge(merged.data, self.data, (), merged.origins, self.origins)
+        """This layer's settings over those of `base`; both stay as they are."""
+        merged = Layer()
+        for layer in (base, self):
+            _merge(merged.data, layer.data, merged.places, layer.places, ())
         return merged
+
+    def below(self, key: str) -> Layer:
+        """The layer as the part of that name of another one."""
+        return Layer({key: self.data}, Places(inside={key: self.places}))
 
 
 def _merge(
     base: dict[str, Any],
     upper: Mapping[str, Any],
+    base_places: Places,
+    upper_places: Places,
     path: KeyPath,
-    origins: dict[KeyPath, str],
-    upper_origins: Mapping[KeyPath, str],
+    *,
+    is_one_layer: bool = False,
 ) -> None:
-    if path in upper_origins:
-        origins[path] = upper_origins[path]
+    """Lay `upper` over `base`, whose mappings and places are changed."""
+    base_places.where = upper_places.where or base_places.where
+    if not is_one_layer:
+        for listed, count in _COUNTED.items():
+            if path == listed[:-1] and listed[-1] in upper and count not in upper:
+                base.pop(count, None)
+                base_places.inside.pop(count, None)
     for key, value in upper.items():
-        here = (*path, key)
-        old = base.get(key)
-        if isinstance(old, dict) and isinstance(value, dict):
-            kind_changes = "kind" in value and value["kind"] != old.get("kind", value["kind"])
-            if kind_changes:
-                _forget(origins, here)
-            base[key] = {} if kind_changes else dict(old)
-            _merge(base[key], value, here, origins, upper_origins)
-        else:
-            base[key] = value
-            _forget(origins, here)
-            origins |= {p: o for p, o in upper_origins.items() if p[: len(here)] == here}
-
-
-def _forget(origins: dict[KeyPath, str], path: KeyPath) -> None:
-    for place in [p for p in origins if p[: len(path)] == path]:
-        del origins[place]
+        old, places = base.get(key), upper_places.inside.get(key, Places())
+        if not isinstance(value, dict):
+            base[key], base_places.inside[key] = value, places
+            continue
+        kind_changes = (
+            isinstance(old, dict)
+            and "kind" in value
+            and value["kind"] != old.get("kind", value["kind"])
+        )
+        if kind_changes or not isinstance(old, dict):
+            base[key], base_places.inside[key] = {}, Places()
+        inside = base_places.inside.setdefault(key, Places())
+        _merge(base[key], value, inside, places, (*path, key), is_one_layer=is_one_layer)
 
 
 def read_file(path: Path) -> Layer:
@@ -103,104 +107,95 @@ def read_file(path: Path) -> Layer:
     Raises:
         InputError: the file cannot be read, is not YAML, or is not a mapping.
     """
-    name = show_file(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise InputError(f"{name}: cannot be read: {reason}") from None
-    origins: dict[KeyPath, str] = {(): name}
-    data = _values(text, name, origins)
+        with path.open("rb") as file:
+            contents = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise InputError(f"{show_file(path)}: cannot be read: {error.strerror}") from None
+    return parse_file(path, contents)
+
+
+def parse_file(path: Path, contents: bytes) -> Layer:
+    """`read_file` for a file whose contents are known.
+
+    Raises:
+        InputError: they are not YAML, or not a mapping.
+    """
+    name = show_file(path)
+    if len(contents) > MAX_BYTES:
+        raise InputError(f"{name}: cannot be read: larger than {MAX_BYTES:,} bytes")
+    try:
+        text = contents.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        is_wide = contents.startswith((b"\xff\xfe", b"\xfe\xff"))
+        what = "not UTF-8 text" + (", but UTF-16: save it as UTF-8" if is_wide else "")
+        raise InputError(f"{name}: cannot be read: {what}") from None
+    data, places = read_yaml(text, name)
+    places.where = name
     if data is None:
-        return Layer({}, origins)
+        return Layer({}, places)
     if not isinstance(data, dict):
         raise InputError(f"{name}:1: must be a mapping of keys to values")
-    return Layer(data, origins)
-
-
-def _values(text: str, name: str, origins: dict[KeyPath, str]) -> Any:
-    """What a YAML text says, in plain Python values; its line numbers go to `origins`."""
-    try:
-        return _plain(_parse(text, name), (), name, origins)
-    except RecursionError:
-        raise InputError(f"{name}: broken YAML: nested too deeply, or within itself") from None
-
-
-def _parse(text: str, name: str) -> Any:
-    # YAML 1.2, in which 1e-3 is a number; round-trip mode keeps the line numbers.
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of what is odd, but allowed
-            return YAML(typ="rt", pure=True).load(text)
-    except RecursionError:
-        raise
-    except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = f":{mark.line + 1}" if mark and "\n" in text else ""
-        problem = (error.problem or error.context or "malformed").splitlines()[0]
-        raise InputError(f"{name}{line}: broken YAML: {problem}") from None
-    except YAMLError as error:
-        first_line = str(error).strip().splitlines()[0]
-        raise InputError(f"{name}: broken YAML: {first_line}") from None
-    except Exception as error:
-        # ruamel.yaml lets through whatever it meets in dates, numbers and tags.
-        raise InputError(f"{name}: broken YAML: {error}") from None
-
-
-def _plain(node: Any, path: KeyPath, name: str, origins: dict[KeyPath, str]) -> Any:
-    """ruamel's annotated tree as plain Python values; its line numbers go to `origins`."""
-    if len(origins) > MAX_VALUES:
-        raise InputError(f"{name}: broken YAML: more than {MAX_VALUES:,} values")
-    if isinstance(node, CommentedMap):
-        result = {}
-        for key, value in node.items():
-            if not isinstance(key, str):
-                line = node.lc.key(key)[0] + 1
-                raise InputError(f"{name}:{line}: {key!r} is no key: keys are words")
-            # Keys that came by a YAML merge (`<<`) have no position of their own.
-            position = node.lc.data.get(key) if node.lc.data else None
-            line = (position[0] if position else node.lc.line) + 1
-            origins[(*path, key)] = f"{name}:{line}"
-            result[key] = _plain(value, (*path, key), name, origins)
-        return result
-    if isinstance(node, CommentedSeq):
-        for i in range(len(node)):
-            origins[(*path, i)] = f"{name}:{node.lc.item(i)[0] + 1}"
-        return [_plain(value, (*path, i), name, origins) for i, value in enumerate(node)]
-    if isinstance(node, bool | ScalarBoolean):
-        return bool(node)
-    for scalar in (int, float, str):
-        if isinstance(node, scalar):
-            return scalar(node)  # ruamel's own scalars keep their spelling
-    return node
+    return Layer(data, places)
 
 
 def read_with_bases(source: str | Path, beside: Path | None = None) -> Layer:
     """A scenario's file over all that it extends, the first base at the bottom.
 
     Raises:
-        InputError: as `read_file`; a base is missing; a scenario extends itself.
+        InputError: as `read_file`; a base is missing; a scenario extends itself, or too many.
     """
-    path = find_scenario(source, beside)
-    return _read_chain(path, ())
+    return _Chain().read(find_scenario(source, beside), ())
 
 
-def _read_chain(path: Path, below: tuple[Path, ...]) -> Layer:
-    layer = read_file(path)
-    where = layer.origin(("extends",))
-    bases = pop_bases(layer.data, where)
-    below = (*below, path.resolve())
-    merged = Layer()
-    for base in bases:
-        try:
-            base_path = find_scenario(base, beside=path)
-        except InputError as error:
-            raise InputError(f"{where}: extends: {error}") from None
-        if base_path.resolve() in below:
-            circle = " → ".join(p.stem for p in (*below, base_path))
-            raise InputError(f"{where}: extends: a scenario must not extend itself ({circle})")
-        merged = _read_chain(base_path, below).over(merged)
-    return layer.over(merged)
+def mapping_layer(source: Mapping[Any, Any]) -> Layer:
+    """A mapping with the keys of a file, over all that it extends.
+
+    Raises:
+        InputError: as `read_with_bases`, or its keys or values are none that a file could hold.
+    """
+    where = "mapping"
+    data = plain_mapping(source, where)
+    merged = _Chain().read_bases(pop_bases(data, where), where, None, ())
+    return Layer(data, Places.throughout(data, where)).over(merged)
+
+
+class _Chain:
+    """Reads scenarios and what they extend, each file once."""
+
+    def __init__(self) -> None:
+        self._read: dict[Path, Layer] = {}
+        self._num_bases = 0
+
+    def read(self, path: Path, below: tuple[Path, ...]) -> Layer:
+        """A file over its bases; `below` are the files that led to it."""
+        resolved = path.resolve()
+        if resolved not in self._read:
+            layer = read_file(path)
+            where = layer.origin(("extends",))
+            bases = pop_bases(layer.data, where)
+            merged = self.read_bases(bases, where, path, (*below, resolved))
+            self._read[resolved] = layer.over(merged)
+        return self._read[resolved]
+
+    def read_bases(
+        self, bases: list[str], where: str, beside: Path | None, below: tuple[Path, ...]
+    ) -> Layer:
+        """Bases by name or path, the first at the bottom."""
+        merged = Layer()
+        for base in bases:
+            self._num_bases += 1
+            if self._num_bases > MAX_BASES:
+                raise InputError(f"{where}: extends: more than {MAX_BASES} scenarios in all")
+            try:
+                path = find_scenario(base, beside)
+            except InputError as error:
+                raise InputError(f"{where}: extends: {error}") from None
+            if path.resolve() in below:
+                circle = " → ".join(shorten(p.stem) for p in (*below, path))
+                raise InputError(f"{where}: extends: a scenario must not extend itself ({circle})")
+            merged = self.read(path, below).over(merged)
+        return merged
 
 
 def pop_bases(data: dict[str, Any], where: str) -> list[str]:
@@ -216,36 +211,54 @@ def pop_bases(data: dict[str, Any], where: str) -> list[str]:
     return bases
 
 
-def overrides_layer(overrides: Iterable[str] | Mapping[str, Any]) -> Layer:
-    """Dotted overrides as a layer.
+def overrides_layer(overrides: str | Iterable[object] | Mapping[str, Any] | None) -> Layer:
+    """Dotted overrides as one layer, later ones over earlier ones.
 
     Args:
-        overrides: `{"auvs.count": 3}`, or `["auvs.count=3"]` with values in YAML.
+        overrides: `{"auvs.count": 3}`, `["auvs.count=3"]` or `"auvs.count=3"`, with values in
+            YAML.
 
     Raises:
         InputError: an override is not of the form `key=value`, or its value is no YAML.
     """
     merged = Layer()
-    for key, value, origin in _pairs(overrides):
-        keys = tuple(key.split("."))
+    for key, value, where, written in _pairs(overrides):
+        keys = key.split(".")
         if not all(keys):
-            raise InputError(f"{origin}: the key must be dotted words, such as auvs.count")
-        data: Any = value
+            raise InputError(f"{where}: the key must be dotted words, such as auvs.count")
+        if keys[0] == "extends":
+            raise InputError(f"{where}: extends cannot be overridden: name the scenario itself")
+        data, places = value, written
         for part in reversed(keys):
-            data = {part: data}
-        origins: dict[KeyPath, str] = {keys[:i]: origin for i in range(1, len(keys) + 1)}
-        merged = Layer(data, origins).over(merged)
+            data, places = {part: data}, Places(where, {part: places})
+        places.where = ""
+        _merge(merged.data, data, merged.places, places, (), is_one_layer=True)
     return merged
 
 
-def _pairs(overrides: Iterable[str] | Mapping[str, Any]) -> Iterable[tuple[str, Any, str]]:
+def _pairs(
+    overrides: str | Iterable[object] | Mapping[str, Any] | None,
+) -> Iterable[tuple[str, Any, str, Places]]:
+    """Key, value, what the override is called, and places in the value."""
     if isinstance(overrides, Mapping):
         for key, value in overrides.items():
-            yield key, value, f"override {key}"
+            if not isinstance(key, str):
+                raise InputError(f"override {show_value(key)}: keys are words, such as auvs.count")
+            where = f"override {shorten(key)}"
+            data = plain_value(value, where)
+            yield str(key), data, where, Places.throughout(data, where)
         return
-    for text in overrides:
+    texts = [overrides] if isinstance(overrides, str) else overrides
+    if texts is None:
+        return
+    if isinstance(texts, bytes) or not isinstance(texts, Iterable):
+        raise InputError(f"overrides: must be key=value or a mapping, not {show_value(texts)}")
+    for text in texts:
+        if not isinstance(text, str):
+            raise InputError(f"override {show_value(text)}: must be of the form key=value")
         key, equals, value = text.partition("=")
-        origin = f"--set {text}"
+        where = f"--set {text}" if len(text) <= 100 else f"--set {text[:97]}..."
         if not equals or not key:
-            raise InputError(f"{origin}: must be of the form key=value")
-        yield key.strip(), _values(value, origin, {}), origin
+            raise InputError(f"{where}: must be of the form key=value")
+        data, places = read_yaml(value, where, is_file=False)
+        yield key.strip(), data, where, places

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from iout_marl.scenario.fields import Count, NonNegative, Positive, Section, invalid
+from iout_marl.errors import did_you_mean
+from iout_marl.scenario.fields import (
+    Section,
+    Text,
+    invalid,
+)
+from iout_marl.scenario.keys import all_keys, implausible, key_of, ranges_of
+from iout_marl.scenario.places import shorten
 from iout_marl.scenario.sections import (
     Age,
     Auvs,
@@ -29,6 +37,8 @@ from iout_marl.scenario.sections import (
     Tdd,
     Uplink,
 )
+from iout_marl.scenario.starts import spread_starts
+from iout_marl.scenario.training import Training
 
 #: Keys that came after hashes had been published, with the values that stand for how it was
 #: before: those leave the hash as it was.
@@ -47,61 +57,20 @@ _CAME_LATER = (
 )
 
 
-class Training(Section):
-    """Settings of PPO. `preset` names the file that gives whatever is not given here."""
-
-    preset: str
-    #: Environment steps (one slot of one environment) to train for.
-    steps: Count
-    environments: Count
-    #: Slots of each environment between two updates.
-    rollout_slots: Count
-    #: Passes over a rollout.
-    epochs: Count
-    #: Parts into which a rollout is cut in each epoch.
-    minibatches: Count
-    learning_rate: Positive
-    #: `linear` falls to 0 over the training.
-    learning_rate_schedule: Literal["constant", "linear"]
-    adam_epsilon: Positive
-    discount: Annotated[float, Field(ge=0, le=1)]
-    gae_lambda: Annotated[float, Field(ge=0, le=1)]
-    clip: Positive
-    entropy_coefficient: NonNegative
-    value_coefficient: NonNegative
-    max_gradient_norm: Positive
-    normalise_advantage: bool
-    #: Let the critic work on returns of mean 0 and spread 1 (PopArt).
-    normalise_value: bool
-    #: Leave the epochs of an update once the policy has moved this far; null for never.
-    target_kl: Positive | None
-    hidden_units: Annotated[tuple[Count, ...], Field(min_length=1, strict=False)]
-    activation: Literal["tanh", "relu"]
-    #: What the critic sees: `own`, the AUV's observation (IPPO), or `central`, the state of the
-    #: whole network beside it (MAPPO). With difference rewards it also sees what they are made
-    #: of. AUVs share one actor and one critic in either.
-    critic: Literal["own", "central"] = "own"
-    #: Add to the actor's score of every node what a small network, the same for all nodes, makes
-    #: of its age and energy: for many nodes.
-    node_network: bool = False
-    #: Inputs of the networks: `none`, `fixed` (by the observation's ranges) or
-    #: `running` (by mean and spread of what was seen).
-    observation_scaling: Literal["none", "fixed", "running"]
-    #: Divisor of the rewards: `none`, `first_rollout` (their spread in it) or
-    #: `running` (the spread of the discounted return so far).
-    reward_scaling: Literal["none", "first_rollout", "running"]
-    #: Forbid what is useless (leaving the grid, hearing a node that cannot pay).
-    mask_actions: bool
-    #: Environment steps between two checkpoints.
-    checkpoint_steps: Count
+#: Sizes beyond which no machine has the memory: cells of a grid, slots of an episode, numbers
+#: in a rollout, weights of a network.
+MAX_CELLS, MAX_SLOTS, MAX_ROLLOUT, MAX_WEIGHTS = 10**6, 10**9, 10**11, 10**10
 
 
 class Scenario(Section):
     """A scenario, complete: whatever changes a result stands in it."""
 
     #: What the scenario is called; not part of its hash.
-    name: str = "unnamed"
-    description: str = ""
+    name: Text = "unnamed"
+    description: Text = ""
+    #: Keys whose values are meant, though they are beyond what any sea or hardware has:
+    #: `[harvester.sensitivity_db]`. In the hash where there are any.
+    allow_implausible: Annotated[tuple[str, ...], Field(strict=False, max_length=100)] = ()
     grid: Grid
     nodes: Annotated[FixedNodes | RandomNodes, Field(discriminator="kind")]
     auvs: Auvs
@@ -117,38 +86,101 @@ class Scenario(Section):
     observation: Observation = Observation()
     training: Training
 
-    @field_validator("name", "description")
+    @field_validator("allow_implausible")
     @classmethod
-    def _can_be_written(cls, text: str) -> str:
-        if any("\ud800" <= c <= "\udfff" for c in text):
-            raise invalid((), "holds half a character, such as \\ud800")
-        return text
+    def _are_keys_with_a_range(cls, keys: tuple[str, ...]) -> tuple[str, ...]:
+        for i, key in enumerate(keys):
+            if key not in ranges_of(cls):
+                shown = shorten(key)
+                if key in all_keys(cls):
+                    raise invalid((i,), f"{shown!r} has no plausible range that could be left")
+                hint = did_you_mean(shown, ranges_of(cls), or_list=False)
+                raise invalid((i,), f"unknown key {shown!r}{hint}")
+        return tuple(sorted(set(keys)))
 
     @model_validator(mode="after")
-    def _check_across_sections(self) -> Self:
+    def _check_as_a_whole(self) -> Self:
+        self._check_grid()
         self._check_nodes()
         self._check_starts()
+        self._check_plausibility()
+        self._check_slots()
+        self._check_training()
+        self._check_uplink_band()
+        return self
+
+    def _check_plausibility(self) -> None:
+        doubts = [
+            (path, doubt)
+            for path, doubt in implausible(self)
+            if key_of(path) not in self.allow_implausible
+        ]
+        if doubts:
+            path, doubt = doubts[0]
+            keys = sorted({key_of(other) for other, _ in doubts})
+            others = [key for key in keys if key != key_of(path)]
+            also = f"; so is {', '.join(others)}" if others else ""
+            raise invalid(
+                path, f"{doubt}{also}; if it is meant, write allow_implausible: [{', '.join(keys)}]"
+            )
+
+    def _check_grid(self) -> None:
+        if math.prod(self.grid.cells) > MAX_CELLS:
+            raise invalid(
+                ("grid", "cells"), f"must be at most {MAX_CELLS:,} cells, not {self._size_of_grid}"
+            )
+
+    def _check_slots(self) -> None:
         if self.episode.duration_s < self.slot_s:
             raise invalid(
-                ("episode", "duration_s"), f"must hold at least one slot of {self.slot_s:g} s"
+                ("episode", "duration_s"),
+                f"must hold at least one slot of {self.slot_s:g} s",
+                beside=("grid", "spacing_m"),
             )
-        if self.slot_s == 0 or math.isinf(self.episode.duration_s / self.slot_s):
-            raise invalid(("grid", "spacing_m"), "makes slots too short to be counted")
-        self._check_uplink_band()
-        samples = self.training.environments * self.training.rollout_slots * self.num_auvs
+        if self.episode.duration_s / self.slot_s > MAX_SLOTS:
+            raise invalid(
+                ("episode", "duration_s"),
+                f"must hold at most {MAX_SLOTS:,} slots of {self.slot_s:g} s",
+                beside=("grid", "spacing_m"),
+            )
+
+    def _check_training(self) -> None:
+        training = self.training
+        samples = training.environments * training.rollout_slots * self.num_auvs
         if samples < 2:
             raise invalid(("training", "rollout_slots"), "must give a rollout of 2 samples or more")
-        if self.training.minibatches > samples:
+        if training.minibatches > samples:
             raise invalid(
                 ("training", "minibatches"),
-                f"must not exceed the {samples} samples of a rollout",
+                f"must not exceed the {samples:,} samples of a rollout",
+                beside=("training", "environments"),
             )
-        return self
+        numbers = samples * (2 * self.num_nodes + 3)
+        if numbers > MAX_ROLLOUT:
+            raise invalid(
+                ("training", "rollout_slots"),
+                f"makes a rollout of some {numbers:.2g} numbers: {MAX_ROLLOUT:g} at most",
+                beside=("training", "environments"),
+            )
+        units = (2 * self.num_nodes + 3, *training.hidden_units, 2 * self.num_nodes)
+        weights = sum(below * above for below, above in itertools.pairwise(units))
+        if weights > MAX_WEIGHTS:
+            raise invalid(
+                ("training", "hidden_units"),
+                f"make a network of some {weights:.2g} weights: {MAX_WEIGHTS:g} at most",
+            )
+
+    @property
+    def _size_of_grid(self) -> str:
+        return " × ".join(map(str, self.grid.cells))
 
     def _check_cell(self, path: tuple[str | int, ...], cell: tuple[int, int, int]) -> None:
         if any(c > size for c, size in zip(cell, self.grid.cells, strict=True)):
-            size = " × ".join(map(str, self.grid.cells))
-            raise invalid(path, f"cell {list(cell)} lies outside the grid of {size} cells")
+            raise invalid(
+                path,
+                f"cell {list(cell)} lies outside the grid of {self._size_of_grid} cells",
+                beside=("grid", "cells"),
+            )
 
     def _check_nodes(self) -> None:
         nodes = self.nodes
@@ -159,54 +191,69 @@ class Scenario(Section):
                 raise invalid(
                     ("nodes", "count"),
                     f"is {nodes.count}, but nodes.cells lists only {len(nodes.cells)} cells",
+                    beside=("nodes", "cells"),
                 )
         elif nodes.count > math.prod(self.grid.cells):
             raise invalid(
                 ("nodes", "count"),
                 f"is {nodes.count}, but the grid has only {math.prod(self.grid.cells)} cells",
+                beside=("grid", "cells"),
             )
         if nodes.weights is not None and len(nodes.weights) != self.num_nodes:
             raise invalid(
                 ("nodes", "weights"),
                 f"must list one weight for each of the {self.num_nodes} nodes, "
                 f"not {len(nodes.weights)}",
+                beside=("nodes", "cells" if nodes.count is None else "count"),
             )
 
     def _check_starts(self) -> None:
-        starts = self.auvs.start_cells
-        for i, cell in enumerate(starts):
+        auvs = self.auvs
+        seen: set[tuple[int, int, int]] = set()
+        for i, cell in enumerate(auvs.start_cells):
             self._check_cell(("auvs", "start_cells", i), cell)
-            if cell in starts[:i]:
+            if cell in seen:
                 raise invalid(
                     ("auvs", "start_cells", i),
                     f"cell {list(cell)} is the start of two AUVs; each needs one of its own",
                 )
-            for other in starts[: min(i, self.num_auvs)]:
-                if i < self.num_auvs and math.dist(cell, other) < self.auvs.separation_cells:
+            seen.add(cell)
+            for other in auvs.start_cells[: min(i, self.num_auvs)]:
+                if i < self.num_auvs and math.dist(cell, other) < auvs.separation_cells:
                     raise invalid(
                         ("auvs", "start_cells", i),
                         f"cell {list(cell)} lies nearer to {list(other)} than "
-                        f"auvs.separation_cells, {self.auvs.separation_cells:g}",
+                        f"auvs.separation_cells, {auvs.separation_cells:g}",
+                        beside=("auvs", "separation_cells"),
                     )
         if self.num_auvs > math.prod(self.grid.cells):
             raise invalid(
                 ("auvs", "count"),
                 f"is {self.num_auvs}, but the grid has only {math.prod(self.grid.cells)} cells: "
                 "each AUV starts in one of its own",
+                beside=("grid", "cells"),
             )
+        if auvs.separation_cells > 1 and self.num_auvs > len(auvs.start_cells):
+            rule = (self.grid.cells, auvs.separation_cells)
+            found = len(spread_starts(auvs.start_cells, self.num_auvs, *rule))
+            if found < self.num_auvs:
+                raise invalid(
+                    ("auvs", "count"),
+                    f"is {self.num_auvs}, but only {found} AUVs find room at "
+                    f"auvs.separation_cells, {auvs.separation_cells:g}",
+                    beside=("auvs", "separation_cells"),
+                )
 
     def _check_uplink_band(self) -> None:
         if self.channel.kind != "sonar":
             return
-        frequency_khz = (
-            self.duplex.uplink_frequency_khz
-            if isinstance(self.duplex, Fdd)
-            else self.duplex.frequency_khz
-        )
+        key = "uplink_frequency_khz" if isinstance(self.duplex, Fdd) else "frequency_khz"
+        frequency_khz: float = getattr(self.duplex, key)
         if self.uplink.bandwidth_hz >= 2e3 * frequency_khz:
             raise invalid(
                 ("uplink", "bandwidth_hz"),
                 f"the band around {frequency_khz:g} kHz must stay above 0 Hz",
+                beside=("duplex", key),
             )
 
     @property
@@ -241,12 +288,12 @@ class Scenario(Section):
     @property
     def hash(self) -> str:
         """12 hexadecimal digits that change with whatever changes a result."""
-        return self._digest()
+        return self._digest(*(() if self.allow_implausible else ("allow_implausible",)))
 
     @property
     def world_hash(self) -> str:
         """As `hash`, of the world alone: without the reward and the training settings."""
-        return self._digest("reward", "training")
+        return self._digest("reward", "training", "allow_implausible")
 
     def _digest(self, *without: str) -> str:
         text = self.model_dump_json(exclude={"name", "description", *without})

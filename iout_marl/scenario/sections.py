@@ -13,43 +13,63 @@ from pydantic import Field, model_validator
 from iout_marl.scenario.fields import (
     Cell,
     Count,
+    Decibels,
+    Efficiency,
     Fraction,
     NonNegative,
+    Plausible,
     Positive,
+    Real,
     Section,
     invalid,
 )
+
+#: More than the arrays of a world have room for.
+MAX_NODES, MAX_AUVS = 10_000, 1_000
+
+Frequency: TypeAlias = Annotated[Positive, Plausible(0.1, 1000, "kHz", slips=(1e-3,))]
+Directivity: TypeAlias = Annotated[Decibels, Plausible(-30, 60, "dB")]
+Spreading: TypeAlias = Annotated[float, Field(ge=0, le=4)]
+Weights: TypeAlias = Annotated[
+    tuple[Annotated[NonNegative, Plausible(0, 1e6)], ...],
+    Field(strict=False, max_length=MAX_NODES),
+]
+NumNodes: TypeAlias = Annotated[Count, Field(le=MAX_NODES), Plausible(1, 1000, "nodes")]
+#: What is added to a reward or multiplies an age in it.
+Term: TypeAlias = Annotated[Real, Plausible(-1e6, 1e6)]
+Slots: TypeAlias = Annotated[Count, Plausible(1, 1_000_000, "slots")]
 
 
 class Grid(Section):
     """The water, cut into cubic cells."""
 
     #: Cells along x, y and z.
-    cells: Cell
+    cells: Annotated[Cell, Plausible(1, 1000, "cells")]
     #: Edge of a cell in m; one slot is the time the AUV takes for it.
-    spacing_m: Positive
+    spacing_m: Annotated[Positive, Plausible(0.01, 10_000, "m")]
 
 
 class FixedNodes(Section):
     """Nodes at given cells."""
 
     kind: Literal["fixed"] = "fixed"
-    cells: Annotated[tuple[Cell, ...], Field(min_length=1, strict=False)]
-    #: How many of `cells` hold a node, from the first on; null for all.
-    count: Count | None = None
+    cells: Annotated[tuple[Cell, ...], Field(min_length=1, max_length=MAX_NODES, strict=False)]
+    #: How many of `cells` hold a node, from the first on; null for all. A scenario that lists
+    #: cells over one that counts them means all of its own.
+    count: NumNodes | None = None
     #: Importance δ_k of each node; null for 1 each.
-    weights: Annotated[tuple[NonNegative, ...], Field(strict=False)] | None = None
+    weights: Weights | None = None
 
 
 class RandomNodes(Section):
     """Nodes at cells drawn at random, no two in one cell."""
 
     kind: Literal["random"] = "random"
-    count: Count
+    count: NumNodes
     #: Draw anew for every episode, or once for a run (from the run's seed).
     redraw: Literal["run", "episode"] = "episode"
     #: Importance δ_k of each node; null for 1 each.
-    weights: Annotated[tuple[NonNegative, ...], Field(strict=False)] | None = None
+    weights: Weights | None = None
 
 
 class Auvs(Section):
@@ -57,22 +77,23 @@ class Auvs(Section):
 
     #: Cell in which each AUV starts an episode. Where `count` is larger, each further AUV
     #: starts in the cell farthest from all starts before it (of equals the first in x, y, z).
-    start_cells: Annotated[tuple[Cell, ...], Field(min_length=1, strict=False)]
-    #: Number of AUVs; null for one at each start cell.
-    count: Count | None = None
-    speed_m_per_s: Positive
+    start_cells: Annotated[tuple[Cell, ...], Field(min_length=1, max_length=MAX_AUVS, strict=False)]
+    #: Number of AUVs; null for one at each start cell. A scenario that lists start cells over
+    #: one that counts AUVs means one at each of its own.
+    count: Annotated[Count, Field(le=MAX_AUVS), Plausible(1, 100, "AUVs")] | None = None
+    speed_m_per_s: Annotated[Positive, Plausible(0.001, 30, "m/s")]
     #: `six`: one cell along an axis in every slot, never at rest; `hover`: a seventh
     #: direction stays where the AUV is.
     motion: Literal["six", "hover"] = "six"
     #: Distance in cells that any two AUVs keep; 1 keeps them in cells of their own, 0 sets
     #: no rule. Of AUVs whose moves would end too near one another, or swap their cells,
     #: all stay where they are.
-    separation_cells: NonNegative = 1.0
+    separation_cells: Annotated[NonNegative, Plausible(0, 1000, "cells")] = 1.0
 
 
 class Episode(Section):
     #: Navigation time T; an episode has as many slots as fit in it.
-    duration_s: Positive
+    duration_s: Annotated[Positive, Plausible(0.01, 1e8, "s")]
 
 
 class Thorp(Section):
@@ -110,9 +131,9 @@ class PaperChannel(SharedChannel):
     """
 
     kind: Literal["table", "equation"] = "table"
-    spreading_factor: Annotated[float, Field(ge=0, le=4)] = 1.5
+    spreading_factor: Spreading = 1.5
     #: NL, subtracted from the energy signal too.
-    noise_level_db: float = 30.0
+    noise_level_db: Annotated[Decibels, Plausible(-20, 200, "dB re 1 µPa")] = 30.0
     absorption: Absorption = Thorp()
 
 
@@ -120,45 +141,45 @@ class SonarChannel(SharedChannel):
     """Consistent units: the sonar equation, ambient noise in the uplink's band."""
 
     kind: Literal["sonar"] = "sonar"
-    spreading_factor: Annotated[float, Field(ge=0, le=4)] = 1.5
+    spreading_factor: Spreading = 1.5
     absorption: Absorption = Thorp()
     #: Shipping activity of Wenz's noise, from 0 to 1.
     shipping: Fraction = 0.5
-    wind_m_per_s: NonNegative = 0.0
+    wind_m_per_s: Annotated[NonNegative, Field(le=1000), Plausible(0, 100, "m/s")] = 0.0
     #: Electro-acoustic efficiency of a node's transmitter.
-    uplink_efficiency: Annotated[float, Field(gt=0, le=1)] = 0.5
-    uplink_directivity_index_db: float = 0.0
+    uplink_efficiency: Efficiency = 0.5
+    uplink_directivity_index_db: Directivity = 0.0
 
 
 class Charging(Section):
     """The acoustic source of an AUV."""
 
-    power_w: Positive
-    efficiency: Annotated[float, Field(gt=0, le=1)]
-    directivity_index_db: float
+    power_w: Annotated[Positive, Plausible(0, 1e6, "W")]
+    efficiency: Efficiency
+    directivity_index_db: Directivity
 
 
 class Harvester(Section):
     """The receiver with which a node harvests."""
 
     #: Receiving voltage sensitivity in dB re 1 V/µPa.
-    sensitivity_db: float
-    efficiency: Annotated[float, Field(gt=0, le=1)]
-    hydrophones: Count
-    load_resistance_ohm: Positive
+    sensitivity_db: Annotated[Decibels, Plausible(-260, -100, "dB re 1 V/µPa", slips=(-1, 10))]
+    efficiency: Efficiency
+    hydrophones: Annotated[Count, Field(le=10**6), Plausible(1, 1000, "hydrophones")]
+    load_resistance_ohm: Annotated[Positive, Plausible(0.01, 1e9, "Ω")]
 
 
 class Uplink(Section):
-    packet_bits: Positive
-    bandwidth_hz: Positive
+    packet_bits: Annotated[Positive, Plausible(1, 1e9, "bit")]
+    bandwidth_hz: Annotated[Positive, Plausible(10, 1e6, "Hz", slips=(1e3,))]
 
 
 class Fdd(Section):
     """Charging and uplink at once, in two bands, of any two nodes."""
 
     kind: Literal["fdd"] = "fdd"
-    charging_frequency_khz: Positive = 40.0
-    uplink_frequency_khz: Positive = 30.0
+    charging_frequency_khz: Frequency = 40.0
+    uplink_frequency_khz: Frequency = 30.0
 
 
 class Tdd(Section):
@@ -170,7 +191,7 @@ class Tdd(Section):
     """
 
     kind: Literal["tdd"] = "tdd"
-    frequency_khz: Positive = 40.0
+    frequency_khz: Frequency = 40.0
     beta_rule: Literal["paper", "stored"] = "paper"
     beta_min: Fraction = 0.1
     beta_max: Fraction = 0.9
@@ -192,14 +213,18 @@ class Tdd(Section):
 class Age(Section):
     """Age of Information, in slots."""
 
-    initial: Count = 1
+    initial: Slots = 1
     #: A_max: ages stop here, and each slot in which one would pass it is a violation.
-    maximum: Count = 50
+    maximum: Slots = 50
 
     @model_validator(mode="after")
     def _initial_within_maximum(self) -> Self:
         if self.initial > self.maximum:
-            raise invalid(("initial",), f"must not exceed age.maximum, {self.maximum}")
+            raise invalid(
+                ("initial",),
+                f"must not exceed age.maximum, {self.maximum}",
+                beside=("age", "maximum"),
+            )
         return self
 
 
@@ -222,23 +247,23 @@ class PaperReward(Section):
 
     kind: Literal["paper"] = "paper"
     #: w, a factor on the discriminated age; the paper's is 1.
-    age_weight: float = 1.0
+    age_weight: Term = 1.0
     #: A move out of the grid.
-    location_penalty: float = 10.0
+    location_penalty: Term = 10.0
     #: A move that came too near another AUV's (see `auvs.separation_cells`).
-    separation_penalty: float = 10.0
+    separation_penalty: Term = 10.0
     #: FDD: the uplink failed, and no node could have paid one.
-    no_able_node_penalty: float = 4.0
+    no_able_node_penalty: Term = 4.0
     #: FDD: the uplink failed, and another node could have paid one.
-    wrong_node_penalty: float = 4.0
+    wrong_node_penalty: Term = 4.0
     #: TDD: β = 1.
-    only_charging_penalty: float = 4.0
+    only_charging_penalty: Term = 4.0
     #: TDD: β = 0.
-    only_transmitting_penalty: float = 0.0
+    only_transmitting_penalty: Term = 0.0
     #: Data taken from a node that was served more than T/K times.
-    occurrence_penalty: float = 10.0
+    occurrence_penalty: Term = 10.0
     #: Each node not served so far in the episode, in every slot.
-    unserved_penalty: float = 0.0
+    unserved_penalty: Term = 0.0
     credit: Credit = "team"
 
 
@@ -247,7 +272,7 @@ class MeanAgeReward(Section):
 
     kind: Literal["mean_age"] = "mean_age"
     #: w, in slots of mean age: what fairness is worth. Where the paper multiplies, this adds.
-    fairness_weight: NonNegative = 0.0
+    fairness_weight: Annotated[NonNegative, Plausible(0, 1e6, "slots")] = 0.0
     credit: Credit = "team"
 
 
@@ -270,6 +295,6 @@ class Observation(Section):
     #: Distance up to which an AUV knows a node's age and energy; those of a node farther away
     #: are what they were when it last was near or delivered to this AUV, and how many slots
     #: ago that was is appended. null: everything is known to all.
-    view_range_m: Positive | None = None
+    view_range_m: Annotated[Positive, Plausible(0, 1e7, "m")] | None = None
     #: Where the mask of sensible actions is handed out, if at all.
     action_mask: Literal["none", "info", "observation"] = "none"

@@ -235,5 +235,5 @@ def test_as_a_process_too(tmp_path):
     assert done.stdout == ""
     assert done.stderr == (
         "iout: no scenario 'paper/k3-fd': neither a file nor a bundled name; "
-        "did you mean 'paper/k3-fdd'?\n"
+        "did you mean 'paper/k3-fdd' or 'paper/k7-fdd' or 'paper/k5-fdd'? (see: iout scenarios)\n"
     )

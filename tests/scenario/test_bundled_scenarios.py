@@ -96,8 +96,9 @@ def test_round_trip_through_yaml(name, tmp_path):
         {"nodes": {"kind": "random", "count": 4, "redraw": "run", "weights": [1, 0, 2.5, 1e-9]}},
         {"channel": {"kind": "sonar", "absorption": {"kind": "francois_garrison", "ph": 7.7}}},
         {"observation": {"kind": "scaled", "node_positions": True, "action_mask": "info"}},
-        {"training.target_kl": 0.015, "training.adam_epsilon": 1e-300},
-        {"charging.power_w": 1e300, "channel.noise_level_db": -0.1},
+        {"training.target_kl": 0.015, "training.adam_epsilon": 1e-14},
+        {"charging.power_w": 1e-14, "channel.noise_level_db": -0.1},
+        {"charging.power_w": 1e9, "allow_implausible": ["grid.spacing_m", "charging.power_w"]},
     ],
 )
 def test_round_trip_of_every_part(changes, tmp_path):

@@ -1,10 +1,12 @@
 """Bad input is answered by one line: file, line, key, and what was meant."""
 
+import os
 from pathlib import Path
 
 import pytest
 
 from iout_marl import InputError, load_scenario
+from iout_marl.errors import MAX_MESSAGE
 
 
 @pytest.fixture(autouse=True)
@@ -17,6 +19,7 @@ def message(source, overrides=()):
         load_scenario(source, overrides)
     text = str(raised.value)
     assert text.isprintable(), "not one line"
+    assert len(text) <= MAX_MESSAGE
     return text
 
 
@@ -39,17 +42,38 @@ FILES = {
     "5": ":1: must be a mapping of keys to values",
     "just words": ":1: must be a mapping of keys to values",
     # Scalars that ruamel.yaml itself stumbles over.
-    "name: 2020-99-99": ": broken YAML: month must be in 1..12",
-    "name: !!int x": ": broken YAML: invalid literal",
-    "name: 0x_": ": broken YAML: ",
-    "name: " + "9" * 5000: ": broken YAML: Exceeds the limit",
+    "name: !!int x": ":1: broken YAML: 'x' cannot be read as int",
+    "name: !!bool x": ":1: broken YAML: 'x' cannot be read as bool",
+    "name: 0x_": ":1: broken YAML: '0x_' cannot be read as int",
+    "name: " + "9" * 5000: ":1: broken YAML: '999999999999999999999999999999999999... cannot be ",
     # Without end.
-    "&a\nx: *a": ": broken YAML: nested too deeply, or within itself",
-    "x: " + "[" * 1000: ": broken YAML: nested too deeply, or within itself",
+    "&a\nx: *a": ":2: broken YAML: nested too deeply, or within itself",
+    "x: " + "[" * 1000: ":1: broken YAML: nested too deeply, or within itself",
+    "\n".join(" " * i + "a:" for i in range(1000)): ":51: broken YAML: nested too deeply, or",
+    "a: &a [" + "[" * 30 + "]" * 30 + "]\nb: " + "[" * 30 + "*a" + "]" * 30: (
+        ":2: broken YAML: nested too deeply, or within itself"
+    ),
     "a: &a [1,1,1,1,1,1,1,1]\n"
     + "".join(
         f"{key}: &{key} [{','.join([f'*{chr(ord(key) - 1)}'] * 8)}]\n" for key in "bcdefghi"
-    ): (": broken YAML: more than 100,000 values"),
+    ): (":6: broken YAML: more than 100,000 values"),
+    "x: [" + "1," * 100_001 + "]": ":1: broken YAML: more than 100,000 values",
+    "x: '" + "1" * 1_000_000 + "'": ": cannot be read: larger than 1,000,000 bytes",
+    # Tags, and what else is no plain value.
+    "a: !!foo [1]": ":1: broken YAML: the tag !!foo has no meaning here",
+    "a:\n  b:\n  - !!foo {c: 1}": ":3: broken YAML: the tag !!foo has no meaning here",
+    "!x\na: 1": ":1: broken YAML: the tag !x has no meaning here",
+    "a: !!python/object/apply:os.system [ls]": ":1: broken YAML: the tag !!python/object/apply",
+    "a: !!set {b, c}": ":1: broken YAML: the tag !!set has no meaning here",
+    "a: !!omap [b: 1]": ":1: broken YAML: the tag !!omap has no meaning here",
+    "a: !!pairs [b: 1]": ":1: broken YAML: the tag !!pairs has no meaning here",
+    "a: !!seq {b: 1}": ":1: broken YAML: the tag !!seq has no meaning here",
+    "a: !!map [b]": ":1: broken YAML: the tag !!map has no meaning here",
+    "a: !!int [b]": ":1: broken YAML: the tag !!int has no meaning here",
+    "a: !!map b": ":1: broken YAML: the tag !!map has no meaning here",
+    "a: !!timestamp 2020-01-01": ":1: broken YAML: the tag !!timestamp has no meaning here",
+    "!!foo a: b": ":1: broken YAML: the tag !!foo has no meaning here",
+    "a: {<<: [{b: 1}, 2]}": ":1: broken YAML: only mappings can be merged by <<",
     # Bases.
     "extends: paper/_base\n": ": duplex: is missing",
     "extends: 3": ":1: extends: must be a scenario's name or path, or a list of them",
@@ -71,11 +95,29 @@ LINES = {
     "agee: {initial: 2}": "agee: unknown key; did you mean 'age'?",
     "age: {inital: 2}": "age.inital: unknown key; did you mean 'initial'?",
     "age: {xyz: 2}": "age.xyz: unknown key (known: initial, maximum)",
-    "duplex: {beta_min: 0.2}": "duplex.beta_min: unknown key (known: charging_frequency_khz, kind",
-    "channel: {absorption: {ph: 8}}": "channel.absorption.ph: unknown key (known: kind)",
+    "duplex: {beta_min: 0.2}": "duplex.beta_min: unknown key of kind 'fdd': it belongs to kind ",
+    "channel: {absorption: {ph: 8}}": (
+        "channel.absorption.ph: unknown key of kind 'thorp': it belongs to kind 'francois_"
+    ),
+    "channel: {wind_m_per_s: 3}": (
+        "channel.wind_m_per_s: unknown key of kind 'table': it belongs to kind 'sonar'"
+    ),
+    "reward: {kind: mean_age, age_weight: 3}": (
+        "reward.age_weight: unknown key of kind 'mean_age': it belongs to kind 'paper'; "
+        "did you mean 'fairness_weight'?"
+    ),
+    "reward: {fairness_weight: 3}": (
+        "reward.fairness_weight: unknown key of kind 'paper': it belongs to kind 'mean_age'"
+    ),
+    "power_w: 3": "power_w: unknown key; did you mean 'charging.power_w'?",
+    "grid: {power_w: 3}": "grid.power_w: unknown key; did you mean 'charging.power_w'?",
+    "count: 3": "count: unknown key; did you mean 'nodes.count' or 'auvs.count'?",
+    "powr_w: 3": "powr_w: unknown key; did you mean 'charging.power_w'?",
+    "age.maximum: 3": "age.maximum: unknown key: in a file it is written age: {maximum: …}",
+    "age: {extends: paper/k3-fdd}": "age.extends: unknown key: extends stands at the top of a fil",
     "3: 4": "3 is no key: keys are words",
     "null: 4": "None is no key: keys are words",
-    "? [a, b]\n: 4": "('a', 'b') is no key: keys are words",
+    "? [a, b]\n: 4": "a list is no key: keys are words",
     '"a\\nb\\e[31m": 4': "a\\nb\\x1b[31m: unknown key",
     # Kinds.
     "reward: {kind: mean_aoi}": "reward.kind: unknown kind 'mean_aoi'; did you mean 'mean_age'?",
@@ -88,17 +130,42 @@ LINES = {
     # Types.
     "age: 3": "age: must be a mapping of keys to values, not 3",
     "age: [3]": "age: must be a mapping of keys to values, not [3]",
-    "age: !x y": "age: must be a mapping of keys to values, not TaggedScalar",
-    "age: !!binary aGk=": "age: must be a mapping of keys to values, not b'hi'",
+    "age: !x y": "broken YAML: the tag !x has no meaning here",
+    "age: !!binary aGk=": "broken YAML: the tag !!binary has no meaning here",
     "training: 3": "training: must be a mapping of keys to values, not 3",
     "age: {initial: x}": "age.initial: must be a valid integer, not 'x'",
-    "age: {initial: '2'}": "age.initial: must be a valid integer, not '2'",
+    "age: {initial: '2'}": (
+        "age.initial: must be a valid integer, not '2'; write it without quotes: 2"
+    ),
     "age: {initial: 1.5}": "age.initial: must be a valid integer, not 1.5",
     "age: {initial: true}": "age.initial: must be a valid integer, not True",
-    "age: {initial: 2020-01-01}": "age.initial: must be a valid integer, not datetime.date",
-    "charging: {power_w: 2kW}": "charging.power_w: must be a valid number, not '2kW'",
+    "age: {initial: 2020-01-01}": "age.initial: must be a valid integer, not '2020-01-01'",
+    "charging: {power_w: 2kW}": (
+        "charging.power_w: must be a valid number, not '2kW'; write the number alone: its unit is"
+    ),
+    "charging: {power_w: '1e-3'}": (
+        "charging.power_w: must be a valid number, not '1e-3'; write it without quotes: 1e-3"
+    ),
+    "observation: {time: yes}": (
+        "observation.time: must be a valid boolean, not 'yes'; did you mean true?"
+    ),
+    "observation: {time: NO}": (
+        "observation.time: must be a valid boolean, not 'NO'; did you mean false?"
+    ),
+    "observation: {time: off}": (
+        "observation.time: must be a valid boolean, not 'off'; did you mean false?"
+    ),
+    "observation: {time: 1}": (
+        "observation.time: must be a valid boolean, not 1; did you mean true?"
+    ),
+    "observation: {time: 'true'}": (
+        "observation.time: must be a valid boolean, not 'true'; did you mean true?"
+    ),
     "charging: {power_w: }": "charging.power_w: must be a valid number, not None",
-    "name: 3": "name: must be a valid string, not 3",
+    "name: 3": 'name: must be a valid string, not 3; write it in quotes: "3"',
+    "name: true": 'name: must be a valid string, not True; write it in quotes: "true"',
+    f"name: {'x' * 10_001}": "name: must have at most 10,000 characters, not 10,001",
+    "training: {preset: null}": "training.preset: must be a word",
     'name: "\\ud800"': "name: holds half a character",
     "description: [x]": "description: must be a valid string, not ['x']",
     "nodes: {cells: 3}": "nodes.cells: must be a list, not 3",
@@ -120,13 +187,35 @@ LINES = {
     "uplink: {packet_bits: -100}": "uplink.packet_bits: must be greater than 0, not -100",
     "training: {entropy_coefficient: -1}": "training.entropy_coefficient: must be greater than",
     "training: {discount: 1.01}": "training.discount: must be less than or equal to 1, not 1.01",
-    "training: {minibatches: 99999}": "training.minibatches: must not exceed the ",
+    "training: {minibatches: 999999}": "training.minibatches: must not exceed the ",
     "training: {environments: 1, rollout_slots: 1, minibatches: 1}": (
         "training.rollout_slots: must give a rollout of 2 samples or more"
     ),
     "episode: {duration_s: 20}": "episode.duration_s: must hold at least one slot of 25 s",
-    "grid: {spacing_m: 1e-320}": "grid.spacing_m: makes slots too short to be counted",
-    "grid: {spacing_m: 5e-324}": "grid.spacing_m: makes slots too short to be counted",
+    "grid: {spacing_m: 1e-320}": "grid.spacing_m: must be 0 or of a size from 1e-15 to 1e+15, not",
+    "charging: {power_w: 1e300}": "charging.power_w: must be 0 or of a size from 1e-15 to 1e+15, n",
+    "reward: {age_weight: -1e20}": "reward.age_weight: must be 0 or of a size from 1e-15 to 1e+15",
+    "nodes: {weights: [5e307, 1, 1]}": "nodes.weights[0]: must be 0 or of a size from 1e-15 to 1e+",
+    "charging: {directivity_index_db: 5000}": (
+        "charging.directivity_index_db: must be less than or equal to 300, not 5000"
+    ),
+    "episode: {duration_s: 1e12}\nallow_implausible: [episode.duration_s]": (
+        "episode.duration_s: must hold at most 1,000,000,000 slots of 25 s (grid.spacing_m: "
+    ),
+    # Sizes.
+    "grid: {cells: [10_000_000, 10_000_000, 10_000_000]}": (
+        "grid.cells: must be at most 1,000,000 cells, not 10000000 × 10000000 × 10000000"
+    ),
+    "auvs: {count: 4000}": "auvs.count: must be less than or equal to 1000, not 4000",
+    f"nodes: {{cells: {[[1, 1, 1]] * 10_001}}}": "nodes.cells: must list at most 10,000, not 10,",
+    f"auvs: {{start_cells: {[[1, 1, 1]] * 1001}}}": "auvs.start_cells: must list at most 1,000, n",
+    "training: {hidden_units: [1000000, 1000000]}\nallow_implausible: [training.hidden_units]": (
+        "training.hidden_units: make a network of some 1e+12 weights: 1e+10 at most"
+    ),
+    "training: {environments: 100_000, rollout_slots: 1_000_000}\n"
+    "allow_implausible: [training.rollout_slots]": (
+        "training.rollout_slots: makes a rollout of some 9e+11 numbers: 1e+11 at most"
+    ),
     # Cells.
     "nodes: {cells: [[11, 1, 1], [1, 1, 1], [1, 1, 2]]}": (
         "nodes.cells[0]: cell [11, 1, 1] lies outside the grid of 10 × 10 × 4 cells"
@@ -145,6 +234,9 @@ LINES = {
     ),
     "auvs: {count: 401}": "auvs.count: is 401, but the grid has only 400 cells",
     "auvs: {count: 0}": "auvs.count: must be greater than or equal to 1, not 0",
+    "auvs: {count: 8, separation_cells: 5}": (
+        "auvs.count: is 8, but only 7 AUVs find room at auvs.separation_cells, 5"
+    ),
     # Across keys.
     "duplex: {kind: tdd, beta_min: 0.9, beta_max: 0.1}": (
         "duplex.beta_min: the bounds must satisfy beta_min < beta_max < 1, not 0.9 and 0.1"
@@ -202,8 +294,9 @@ def test_several_faults_are_counted():
 @pytest.mark.parametrize(
     ("source", "expected"),
     [
-        ("paper/k3-fd", "; did you mean 'paper/k3-fdd'?"),
-        ("qqq", "(known: best/k10-fdd, best/k10-tdd, best/k3-fdd, "),
+        ("paper/k3-fd", "; did you mean 'paper/k3-fdd' or '"),
+        ("paper/k3-fd", " or 'paper/k7-fdd' or 'paper/k5-fdd'? (see: iout scenarios)"),
+        ("qqq", "no scenario 'qqq': neither a file nor a bundled name (see: iout scenarios)"),
         ("", "no scenario ''"),
         ("missing.yaml", "no scenario 'missing.yaml': neither a file nor a bundled name"),
         ("/missing.yaml", "no scenario '/missing.yaml': neither a file nor a bundled name"),
@@ -212,11 +305,17 @@ def test_several_faults_are_counted():
         ("a\nb", "no scenario 'a\\nb'"),
         (".", "no scenario '.'"),
         ("..", "no scenario '..'"),
-        ({}, "scenario: grid: is missing (and 9 more)"),
-        ({"extends": 3}, "scenario: extends: must be a scenario's name or path, or a list of them"),
-        ({"extends": ["paper/k3-fdd", None]}, "scenario: extends: must be a scenario's name or"),
-        ({"extends": "paper/k3-fdd", 3: 4}, "scenario: [3]: unknown key"),
-        ({"extends": "paper/k3-fdd", "age": object}, "scenario: age: must be a mapping"),
+        ({}, "mapping: grid: is missing (and 9 more)"),
+        ({"extends": 3}, "mapping: extends: must be a scenario's name or path, or a list of them"),
+        ({"extends": ["paper/k3-fdd", None]}, "mapping: extends: must be a scenario's name or"),
+        ({"extends": "paper/k3-fdd", 3: 4}, "mapping: 3 is no key: keys are words"),
+        ({"extends": "paper/k3-fdd", "age": object}, "mapping: age: must be a mapping"),
+        ({"extends": "paper/k3-fdd", "age": {"maximum": 0}}, "mapping: age.maximum: must be gre"),
+        ({"extends": "paper/k3-fdd", "age": {1: 0}}, "mapping: 1 is no key: keys are words"),
+        ({"extends": "paper/k3-fdd", "age.maximum": 3}, "mapping: age.maximum: unknown key: in a"),
+        (None, "scenario: must be a name, a path, a mapping or a Scenario, not None"),
+        (3, "scenario: must be a name, a path, a mapping or a Scenario, not 3"),
+        (["paper/k3-fdd"], "scenario: must be a name, a path, a mapping or a Scenario, not ['pap"),
     ],
 )
 def test_bad_source(source, expected):
@@ -225,7 +324,27 @@ def test_bad_source(source, expected):
 
 def test_folder_is_no_scenario(tmp_path):
     (tmp_path / "folder.yaml").mkdir()
-    assert "no scenario 'folder.yaml'" in message("folder.yaml")
+    assert message("folder.yaml") == "no scenario 'folder.yaml': it is a folder"
+    assert message(tmp_path).endswith(": it is a folder")
+
+
+def test_folder_of_a_run_names_the_scenario_in_it(tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run/scenario.yaml").write_text("extends: paper/k3-fdd")
+    expected = "no scenario 'run': it is a folder; did you mean 'run/scenario.yaml'?"
+    assert message("run") == expected
+
+
+def test_pipe_is_no_scenario(tmp_path):
+    os.mkfifo(tmp_path / "pipe.yaml")
+    expected = "no scenario 'pipe': it is a pipe or a device, not a file"
+    assert message("pipe") == expected
+    assert "it is a pipe or a device, not a file" in message({"extends": "pipe"})
+
+
+def test_wide_characters(tmp_path):
+    (tmp_path / "bad.yaml").write_text("extends: paper/k3-fdd", encoding="utf-16")
+    assert message("bad.yaml").endswith("not UTF-8 text, but UTF-16: save it as UTF-8")
 
 
 @pytest.mark.parametrize(
@@ -237,20 +356,21 @@ def test_unreadable_file(tmp_path, monkeypatch, error):
     def refuse(*args, **kwargs):
         raise error
 
-    monkeypatch.setattr("pathlib.Path.read_text", refuse)
+    monkeypatch.setattr("pathlib.Path.open", refuse)
     assert message("bad.yaml") == f"bad.yaml: cannot be read: {error.strerror}"
 
 
 def test_folder_closed_to_the_user(monkeypatch):
-    inside = Path.is_file
+    inside = Path.stat
 
-    def refuse(path):
+    def refuse(path, **kwargs):
         if "closed" in path.parts:
             raise PermissionError(13, "Permission denied")
-        return inside(path)
+        return inside(path, **kwargs)
 
-    monkeypatch.setattr(Path, "is_file", refuse)
-    assert "no scenario 'closed/bad.yaml'" in message("closed/bad.yaml")
+    monkeypatch.setattr(Path, "stat", refuse)
+    expected = "no scenario 'closed/bad.yaml': cannot be read: Permission denied"
+    assert message("closed/bad.yaml") == expected
 
 
 @pytest.mark.parametrize(
@@ -264,13 +384,17 @@ def test_folder_closed_to_the_user(monkeypatch):
         ("age.maximum=", "--set age.maximum=: age.maximum: must be a valid integer, not None"),
         ("age.maximum=x", "--set age.maximum=x: age.maximum: must be a valid integer, not 'x'"),
         ("age.maximum=[1", "--set age.maximum=[1: broken YAML: "),
-        ("age.maximum=3: 4: 5", "--set age.maximum=3: 4: 5: broken YAML: "),
-        ("age.maximum=2020-99-99", "--set age.maximum=2020-99-99: broken YAML: month must be"),
-        ("age.maximum=1e3", "--set age.maximum=1e3: age.maximum: must be a valid integer, not 10"),
+        ("age.maximum=3: 4: 5", "--set age.maximum=3: 4: 5: 3 is no key: keys are words"),
+        ("age.maximum=a: b: c", "--set age.maximum=a: b: c: broken YAML: mapping values are not"),
+        ("age.maximum=2020-99-99", "age.maximum: must be a valid integer, not '2020-99-99'"),
+        ("age.maximum=!!foo 3", "--set age.maximum=!!foo 3: broken YAML: the tag !!foo has no mea"),
+        ("age.maximum=1.5", "--set age.maximum=1.5: age.maximum: must be a valid integer, not 1.5"),
         ("age.maximun=3", "--set age.maximun=3: age.maximun: unknown key; did you mean 'maximum'?"),
         ("age.maximum.x=3", "--set age.maximum.x=3: age.maximum: must be a valid integer, not {'"),
         ("nodes.cells.0=[1, 1, 1]", "nodes.cells: must be a list"),
-        ("extends=paper/k5-fdd", "--set extends=paper/k5-fdd: extends: unknown key"),
+        ("extends=paper/k5-fdd", "--set extends=paper/k5-fdd: extends cannot be overridden"),
+        (f"age.maximum={'9' * 5000}", "--set age.maximum=99999999999999"),
+        ("name=" + "x" * 2_000_000, "...: has more than 1,000,000 characters"),
         ("age={1: 2}", "1 is no key: keys are words"),
         ("age=&a [*a]", "--set age=&a [*a]: broken YAML: nested too deeply, or within itself"),
         ("age\n=3", "age\\n=3"),
@@ -285,3 +409,9 @@ def test_bad_override_by_mapping():
     assert message("paper/k3-fdd", {"age.maximun": 3}).startswith(
         "override age.maximun: age.maximun: unknown key; did you mean 'maximum'?"
     )
+    assert message("paper/k3-fdd", {3: 4}) == "override 3: keys are words, such as auvs.count"
+
+
+@pytest.mark.parametrize("overrides", [3, b"age.maximum=3", [3], [("age.maximum", 3)], 2.5])
+def test_overrides_that_are_none(overrides):
+    assert "must be " in message("paper/k3-fdd", overrides)

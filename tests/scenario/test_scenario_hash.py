@@ -30,7 +30,7 @@ WORDS = (
     "own", "central",
 )  # fmt: skip
 #: Names, keys with a single possible value, and a kind that needs other keys beside it.
-LEFT_OUT = {"name", "description", "training.preset", "nodes.kind"}
+LEFT_OUT = {"name", "description", "allow_implausible", "training.preset", "nodes.kind"}
 
 
 def leaves(data, path=""):
@@ -89,6 +89,23 @@ def test_changes_with_the_kind_of_layout():
 def test_ignores_names(changes):
     scenario = load_scenario("paper/k3-fdd")
     assert load_scenario(scenario, changes).hash == scenario.hash
+
+
+def test_changes_with_what_is_allowed_if_there_is_anything():
+    scenario = load_scenario("paper/k3-fdd")
+    nothing, one, both, turned = (
+        load_scenario(scenario, {"allow_implausible": keys})
+        for keys in (
+            [],
+            ["grid.spacing_m"],
+            ["grid.spacing_m", "charging.power_w"],
+            ["charging.power_w", "grid.spacing_m", "grid.spacing_m"],
+        )
+    )
+    assert nothing.hash == scenario.hash
+    assert len({nothing.hash, one.hash, both.hash}) == 3
+    assert turned.hash == both.hash
+    assert both.world_hash == scenario.world_hash
 
 
 @pytest.mark.parametrize("name", bundled_names())

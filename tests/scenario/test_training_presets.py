@@ -123,7 +123,28 @@ def test_preset_gives_every_setting_but_its_own_name():
         (OWN + "cases: [{when: {}, set: [1]}]", r"own\.yaml:26: cases: each must have the "),
         (OWN + "cases: [{when: {}, set: {epochs: x}}]", r"^own\.yaml:26: training\.epochs: must "),
         ("[1, 2]", r"own\.yaml:1: must be a mapping"),
-        ("a: [1", r"own\.yaml: broken YAML"),
+        ("a: [1", r"own\.yaml:1: broken YAML"),
+        (OWN + "foo: 3\nbar: 4", r"^own\.yaml:26: training\.foo: unknown key.*; also own\.yaml:27"),
+        (
+            OWN + "cases:\n- when: {duplx.kind: tdd}\n  set: {}",
+            r"own\.yaml:27: cases: when: duplx\.kind: unknown key; did you mean 'duplex\.kind'\?",
+        ),
+        (
+            OWN + "cases:\n- when:\n    nodes.cuont: 3\n  set: {}",
+            r"own\.yaml:28: cases: when: nodes\.cuont: unknown key; did you mean 'nodes\.count'\?",
+        ),
+        (
+            OWN + "cases:\n- when: {power_w: 3}\n  set: {}",
+            r"own\.yaml:27: cases: when: power_w: unknown key; did you mean 'charging\.power_w'\?",
+        ),
+        (
+            OWN + "cases:\n- when: {duplex.kind: tddd}\n  set: {}",
+            r"own\.yaml:27: cases: when: duplex\.kind: unknown value 'tddd'; did you mean 'tdd'\?",
+        ),
+        (
+            OWN + "cases:\n- when: {duplex.kind: fdd}\n  set:\n    epohs: 3",
+            r"^own\.yaml:29: training\.epohs: unknown key; did you mean 'epochs'\?",
+        ),
         ("", r"training\.\w+: is missing"),
     ],
 )

@@ -162,7 +162,7 @@ MISTAKES = {
     "no episodes": (changed("trained", episodes=0), "episodes: .*greater than or equal to 1"),
     "unknown scenario": (
         changed("trained", scenarios=["paper/k3-fdf"]),
-        r"groups\.trained: no scenario 'paper/k3-fdf'.*did you mean 'paper/k3-fdd'\?",
+        r"groups\.trained: no scenario 'paper/k3-fdf'.*did you mean 'paper/k3-fdd' or ",
     ),
     "unknown setting": (
         changed("trained", settings={"reward.age_wieght": 0}),

@@ -1,0 +1,175 @@
+"""Which keys the sections of a file have, as their fields are annotated.
+
+What walks over a whole file at once is here: keys that are unknown, numbers that are
+implausible, and which keys there are at all.
+"""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from iout_marl.scenario.fields import Plausible
+from iout_marl.scenario.places import KeyPath
+
+Model = type[BaseModel]
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A key that there is not.
+
+    Attributes:
+        path: where it was written.
+        model: the section that lacks it.
+        kind: the kind of the part, where there are several; else "".
+        other_kinds: kinds of the same part that have it.
+    """
+
+    path: KeyPath
+    model: Model
+    kind: str
+    other_kinds: tuple[str, ...]
+
+
+def unknown_keys(models: tuple[Model, ...], data: Any, path: KeyPath = ()) -> Iterator[Unknown]:
+    """The keys in a file's data that its sections do not have, in the order of the file.
+
+    Args:
+        models: the section, or those of every kind of the part.
+        data: what stands there, of any shape.
+        path: where.
+    """
+    if not isinstance(data, Mapping):
+        return
+    model = _of_kind(models, data)
+    if model is None:
+        return  # a kind that there is not is an error of its own
+    for key, value in data.items():
+        if key in model.model_fields:
+            yield from _in_field(model.model_fields[key].annotation, value, (*path, key))
+        else:
+            having = (m for m in models if key in m.model_fields and m is not model)
+            kinds = tuple(kind for other in having for kind in _kinds(other))
+            kind = str(data["kind"]) if len(models) > 1 else ""
+            yield Unknown((*path, key), model, kind, kinds)
+
+
+def _in_field(annotation: Any, value: Any, path: KeyPath) -> Iterator[Unknown]:
+    sections = _sections(annotation)
+    if sections:
+        yield from unknown_keys(sections, value, path)
+        return
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is dict and isinstance(value, Mapping) and _sections(arguments[1]):
+        for key, item in value.items():
+            yield from unknown_keys(_sections(arguments[1]), item, (*path, key))
+
+
+def _of_kind(models: tuple[Model, ...], data: Mapping[Any, Any]) -> Model | None:
+    if len(models) == 1:
+        return models[0]
+    kind = data.get("kind")
+    return next((model for model in models if kind in _kinds(model)), None)
+
+
+@cache
+def _kinds(model: Model) -> tuple[str, ...]:
+    field = model.model_fields.get("kind")
+    return get_args(field.annotation) if field else ()
+
+
+def _plain(annotation: Any) -> Any:
+    """An annotation without what it is annotated with."""
+    return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
+
+
+def _sections(annotation: Any) -> tuple[Model, ...]:
+    """The sections that a field may hold."""
+    annotation = _plain(annotation)
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return (annotation,)
+    if get_origin(annotation) in (Union, types.UnionType):
+        return tuple(model for part in get_args(annotation) for model in _sections(part))
+    return ()
+
+
+@cache
+def all_keys(model: Model) -> Mapping[str, tuple[FieldInfo, ...]]:
+    """The dotted keys of a file, those of every kind of its parts, with their fields."""
+    found: dict[str, tuple[FieldInfo, ...]] = {}
+    for name, field in model.model_fields.items():
+        found[name] = (field,)
+        for section in _sections(field.annotation):
+            for key, fields in all_keys(section).items():
+                dotted = f"{name}.{key}"
+                found[dotted] = (*found.get(dotted, ()), *fields)
+    return types.MappingProxyType(found)
+
+
+def choices(field: FieldInfo) -> tuple[Any, ...] | None:
+    """The values that a field can have, where it lists them."""
+    annotation = field.annotation
+    return get_args(annotation) if get_origin(annotation) is Literal else None
+
+
+@cache
+def ranges(model: Model) -> Mapping[str, Plausible]:
+    """The plausible ranges of a section's fields, by name; of a list, that of its items."""
+    found = {}
+    for name, field in model.model_fields.items():
+        ranges_of_field = [m for m in field.metadata if isinstance(m, Plausible)]
+        ranges_of_field += _ranges_within(field.annotation)
+        if ranges_of_field:
+            found[name] = ranges_of_field[0]
+    return types.MappingProxyType(found)
+
+
+def _ranges_within(annotation: Any) -> list[Plausible]:
+    if get_origin(annotation) is Annotated:
+        own = [m for m in annotation.__metadata__ if isinstance(m, Plausible)]
+        return own or _ranges_within(_plain(annotation))
+    return [found for part in get_args(annotation) for found in _ranges_within(part)]
+
+
+def implausible(section: BaseModel, path: KeyPath = ()) -> Iterator[tuple[KeyPath, str]]:
+    """Numbers of a section beyond their plausible range: where, and what is said of each."""
+    own = ranges(type(section))
+    for name in type(section).model_fields:
+        value = getattr(section, name)
+        here = (*path, name)
+        if isinstance(value, BaseModel):
+            yield from implausible(value, here)
+        elif name in own and value is not None:
+            for place, number in _numbers(value, here):
+                if not own[name].holds(number):
+                    yield place, own[name].doubt(number)
+
+
+def key_of(path: KeyPath) -> str:
+    """The dotted key at or above a path, without places in lists."""
+    return ".".join(key for key in path if isinstance(key, str))
+
+
+@cache
+def ranges_of(model: Model) -> frozenset[str]:
+    """The dotted keys of a file that have plausible ranges."""
+    found = set(ranges(model))
+    for name, field in model.model_fields.items():
+        for section in _sections(field.annotation):
+            found |= {f"{name}.{key}" for key in ranges_of(section)}
+    return frozenset(found)
+
+
+def _numbers(value: Any, path: KeyPath) -> Iterator[tuple[KeyPath, float]]:
+    if isinstance(value, tuple):
+        for i, item in enumerate(value):
+            yield from _numbers(item, (*path, i))
+    else:
+        yield path, value

@@ -1,0 +1,152 @@
+"""What is wrong with settings, in one line: where, what, and what was meant."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails
+
+from iout_marl.errors import did_you_mean
+from iout_marl.scenario.keys import Unknown, all_keys
+from iout_marl.scenario.layers import Layer
+from iout_marl.scenario.places import KeyPath, shorten, show_path, show_value
+
+#: Unknown keys that a message describes; of more it gives the number.
+MAX_DESCRIBED = 8
+#: Words of older YAML for booleans, which are none in YAML 1.2.
+_BOOLEANS = {
+    **dict.fromkeys(("yes", "on", "y", "true", "1"), "true"),
+    **dict.fromkeys(("no", "off", "n", "false", "0"), "false"),
+}
+
+
+def describe_unknown(model: type[BaseModel], keys: Iterator[Unknown], layer: Layer) -> str:
+    """All keys that a file has and its sections have not, in one line; "" if there are none."""
+    shown = [
+        f"{layer.origin(key.path)}: {show_path(key.path)}: unknown key"
+        + _hint(model, key, or_list=i == 0)
+        for i, key in enumerate(itertools.islice(keys, MAX_DESCRIBED))
+    ]
+    more = sum(1 for _ in keys)
+    return "; also ".join(shown) + (f"; … and {more:,} more" if more else "")
+
+
+def _hint(model: type[BaseModel], unknown: Unknown, *, or_list: bool) -> str:
+    key, own = str(unknown.path[-1]), unknown.model.model_fields
+    near = did_you_mean(shorten(key), own, or_list=False)
+    if unknown.other_kinds:
+        kinds = " and ".join(repr(kind) for kind in unknown.other_kinds)
+        return f" of kind {unknown.kind!r}: it belongs to kind {kinds}{near}"
+    if key == "extends":
+        return ": extends stands at the top of a file"
+    if "." in key and key in all_keys(model):
+        section, _, rest = key.partition(".")
+        return f": in a file it is written {section}: {{{rest.replace('.', ': {')}: …}}"
+    elsewhere = _sections_with(model, key)
+    if elsewhere:
+        return f"; did you mean {elsewhere}?"
+    return near or hint_to_key(model, key) or (did_you_mean("", own) if or_list else "")
+
+
+def _sections_with(model: type[BaseModel], key: str) -> str:
+    """The dotted keys of a file that end in a key, if that is a few: a section was forgotten."""
+    found = [dotted for dotted in all_keys(model) if dotted.rpartition(".")[2] == key]
+    return " or ".join(repr(dotted) for dotted in found) if len(found) <= 4 else ""
+
+
+def hint_to_key(model: type[BaseModel], key: str) -> str:
+    """'; did you mean …?' for the dotted key nearest to one that there is not, or nothing."""
+    last = shorten(key.rpartition(".")[2])
+    names = {dotted.rpartition(".")[2]: dotted for dotted in all_keys(model)}
+    near = did_you_mean(shorten(key), all_keys(model), or_list=False)
+    if near:
+        return near
+    by_name = did_you_mean(last, names, or_list=False)
+    for name, dotted in names.items():
+        by_name = by_name.replace(repr(name), repr(dotted))
+    return by_name
+
+
+def describe(problem: ErrorDetails, layer: Layer) -> str:
+    """One of pydantic's errors: its place, its key, and what must be there."""
+    context = problem.get("ctx", {})
+    path = (*_without_tags(problem["loc"], layer.data), *context.get("path", ()))
+    message = problem["msg"]
+    kind = problem["type"]
+    given = problem["input"]
+    if kind == "missing":
+        message = "is missing"
+    elif kind == "union_tag_not_found":
+        path, message = (*path, "kind"), "is missing"
+    elif kind == "union_tag_invalid":
+        tags = [tag.strip(" '") for tag in context["expected_tags"].split(",")]
+        path, tag = (*path, "kind"), str(context["tag"])
+        message = f"unknown kind {show_value(tag)}{did_you_mean(shorten(tag), tags)}"
+    elif kind == "literal_error":
+        choices = [c.strip(" '") for c in context["expected"].replace(" or ", ",").split(",")]
+        message = f"unknown value {show_value(given)}"
+        message += did_you_mean(shorten(given) if isinstance(given, str) else "", choices)
+    elif kind == "string_unicode":
+        message = "holds half a character, such as \\ud800"
+    elif kind == "finite_number":
+        message = f"must be a finite number, not {given}"
+    elif kind == "tuple_type":
+        message = f"must be a list, not {show_value(given)}"
+    elif kind == "too_short":
+        message = f"must list at least {context['min_length']}, not {context['actual_length']}"
+    elif kind == "too_long":
+        length = len(given) if isinstance(given, list | tuple) else context["actual_length"]
+        message = f"must list at most {context['max_length']:,}, not {length:,}"
+    elif kind == "string_too_long":
+        message = f"must have at most {context['max_length']:,} characters, not {len(given):,}"
+    elif kind in ("model_type", "model_attributes_type", "dict_type"):
+        message = f"must be a mapping of keys to values, not {show_value(given)}"
+    elif kind != "invalid":
+        message = f"{message.replace('Input should', 'must')}, not {show_value(given)}"
+        message += _what_was_meant(kind, given)
+    elif context.get("beside"):
+        message += _place_of(context["beside"], path, layer)
+    return f"{layer.origin(path)}: {show_path(path)}: {message}"
+
+
+def _place_of(beside: KeyPath, path: KeyPath, layer: Layer) -> str:
+    """Where the other key stands, if that is somewhere else."""
+    where = layer.origin(beside)
+    return "" if where == layer.origin(path) else f" ({show_path(beside)}: {where})"
+
+
+def _what_was_meant(kind: str, given: Any) -> str:
+    """A hint to a value of the right type, for one that YAML reads as another."""
+    if kind.startswith("bool") and (isinstance(given, str | int | float)):
+        word = _BOOLEANS.get(str(given).lower())
+        return f"; did you mean {word}?" if word else ""
+    if kind.startswith("string") and isinstance(given, bool | int | float):
+        return f'; write it in quotes: "{show_value(given).lower()}"'
+    if kind.startswith(("int", "float")) and isinstance(given, str):
+        number = given.strip().replace("_", "")
+        try:
+            float(number)
+        except ValueError:
+            is_measure = number[:1].isdigit() and number[-1:].isalpha()
+            return "; write the number alone: its unit is in the key" if is_measure else ""
+        return f"; write it without quotes: {shorten(number)}"
+    return ""
+
+
+def _without_tags(location: tuple[str | int, ...], data: Any) -> KeyPath:
+    """pydantic's location of an error without the kinds that it puts behind a part's key."""
+    path: list[str | int] = []
+    for key in location:
+        if isinstance(data, dict) and key not in data and data.get("kind") == key:
+            continue
+        path.append(key)
+        if isinstance(data, dict):
+            data = data.get(str(key))
+        elif isinstance(data, list) and isinstance(key, int) and key < len(data):
+            data = data[key]
+        else:
+            data = None
+    return tuple(path)

@@ -1,0 +1,70 @@
+"""The section of a scenario file that says how a policy is trained."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from iout_marl.scenario.fields import (
+    Count,
+    Fraction,
+    NonNegative,
+    Plausible,
+    Positive,
+    Section,
+    Text,
+)
+
+
+class Training(Section):
+    """Settings of PPO. `preset` names the file that gives whatever is not given here."""
+
+    preset: Text
+    #: Environment steps (one slot of one environment) to train for.
+    steps: Annotated[Count, Plausible(1, 10**11, "steps")]
+    environments: Annotated[Count, Plausible(1, 100_000, "environments")]
+    #: Slots of each environment between two updates.
+    rollout_slots: Annotated[Count, Plausible(1, 100_000, "slots")]
+    #: Passes over a rollout.
+    epochs: Annotated[Count, Plausible(1, 1000, "epochs")]
+    #: Parts into which a rollout is cut in each epoch.
+    minibatches: Annotated[Count, Plausible(1, 10**6, "minibatches")]
+    #: Of any size: a training that diverges says so itself.
+    learning_rate: Annotated[float, Field(gt=0, le=1e30)]
+    #: `linear` falls to 0 over the training.
+    learning_rate_schedule: Literal["constant", "linear"]
+    adam_epsilon: Annotated[Positive, Plausible(0, 1)]
+    discount: Fraction
+    gae_lambda: Fraction
+    clip: Annotated[Positive, Plausible(0, 10)]
+    entropy_coefficient: Annotated[NonNegative, Plausible(0, 10)]
+    value_coefficient: Annotated[NonNegative, Plausible(0, 1000)]
+    max_gradient_norm: Annotated[Positive, Plausible(0, 1e6)]
+    normalise_advantage: bool
+    #: Let the critic work on returns of mean 0 and spread 1 (PopArt).
+    normalise_value: bool
+    #: Leave the epochs of an update once the policy has moved this far; null for never.
+    target_kl: Annotated[Positive, Plausible(0, 100)] | None
+    hidden_units: Annotated[
+        tuple[Annotated[Count, Plausible(1, 16_384, "units")], ...],
+        Field(min_length=1, max_length=100, strict=False),
+    ]
+    activation: Literal["tanh", "relu"]
+    #: What the critic sees: `own`, the AUV's observation (IPPO), or `central`, the state of the
+    #: whole network beside it (MAPPO). With difference rewards it also sees what they are made
+    #: of. AUVs share one actor and one critic in either.
+    critic: Literal["own", "central"] = "own"
+    #: Add to the actor's score of every node what a small network, the same for all nodes, makes
+    #: of its age and energy: for many nodes.
+    node_network: bool = False
+    #: Inputs of the networks: `none`, `fixed` (by the observation's ranges) or
+    #: `running` (by mean and spread of what was seen).
+    observation_scaling: Literal["none", "fixed", "running"]
+    #: Divisor of the rewards: `none`, `first_rollout` (their spread in it) or
+    #: `running` (the spread of the discounted return so far).
+    reward_scaling: Literal["none", "first_rollout", "running"]
+    #: Forbid what is useless (leaving the grid, hearing a node that cannot pay).
+    mask_actions: bool
+    #: Environment steps between two checkpoints.
+    checkpoint_steps: Count
