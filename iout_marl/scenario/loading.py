@@ -35,6 +35,8 @@ Model = TypeVar("Model", bound=BaseModel)
 def load_scenario(
     source: str | Path | Mapping[str, Any] | Scenario,
     overrides: Iterable[str] | Mapping[str, Any] = (),
+    *,
+    beside: Path | None = None,
 ) -> Scenario:
     """Load and check a scenario.
 
@@ -42,6 +44,8 @@ def load_scenario(
         source: a bundled name (`paper/k10-fdd`), a path to a YAML file, a mapping with
             the keys of a file, or a `Scenario`.
         overrides: `["auvs.count=3", …]` or `{"auvs.count": 3, …}`, over the file.
+        beside: the file in which the overrides were written: a training preset that they
+            name is looked for in its folder, not in that of the scenario.
 
     Returns:
         the scenario, with everything that it extends and its training preset filled in.
@@ -58,8 +62,10 @@ def load_scenario(
         path = find_scenario(source)
         layer = read_with_bases(path)
         layer.data.setdefault("name", _name_of(path))
-    layer = overrides_layer(overrides).over(layer)
-    return validate(Scenario, _with_preset(layer, path))
+    above = overrides_layer(overrides)
+    if _value_at(above.data, "training.preset") is not None:
+        path = beside or path
+    return validate(Scenario, _with_preset(above.over(layer), path))
 
 
 def _mapping_layer(source: Mapping[str, Any]) -> Layer:
