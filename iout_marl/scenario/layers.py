@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import warnings
 from collections.abc import Iterable, Mapping
@@ -126,6 +127,7 @@ def _values(text: str, name: str, origins: dict[KeyPath, str]) -> Any:
         raise InputError(f"{name}: broken YAML: nested too deeply, or within itself") from None
 
 
+@functools.lru_cache(maxsize=16)  # the cells of a study share their files
 def _parse(text: str, name: str) -> Any:
     # YAML 1.2, in which 1e-3 is a number; round-trip mode keeps the line numbers.
     try:
