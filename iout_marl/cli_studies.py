@@ -5,16 +5,23 @@ from __future__ import annotations
 import os
 import shlex
 import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from iout_marl import machine
 from iout_marl.cli_options import Overrides, expanded, file, folder, whole
 from iout_marl.errors import InputError
-from iout_marl.files import write_atomically
+from iout_marl.files import write_atomically, write_text
+from iout_marl.terminal import complain, present
+
+#: More than that only slow one another, and fill the memory.
+PROCESSES_PER_CORE = 8
 
 
 def reproduce(
@@ -53,45 +60,61 @@ def reproduce(
     What is finished stays: the same command goes on with a study that was stopped.
     """
     from iout_marl.study.cells import expand
-    from iout_marl.study.pools import DaskCluster, LocalProcesses
+    from iout_marl.study.cluster import DaskCluster, LostClusterError
+    from iout_marl.study.fields import show
+    from iout_marl.study.pools import LocalProcesses
     from iout_marl.study.run import StudyFolder, run_study
     from iout_marl.study.schema import load_study
 
     if jobs is not None and scheduler is not None:
         raise InputError("--jobs and --scheduler: a cluster has its own number of workers")
+    if jobs is not None and jobs > (most := PROCESSES_PER_CORE * machine.num_cores()):
+        raise InputError(
+            f"--jobs {jobs}: must be at most {most}: {PROCESSES_PER_CORE} processes for each of "
+            f"the {machine.num_cores()} cores"
+        )
     loaded, layer = load_study(study)
     cells = expand(loaded, layer, overrides or [], quick=quick)
     name = Path(study).stem
-    folder = StudyFolder(out or Path("runs") / (f"{name}-quick" if quick else name))
+    usual = Path("runs") / (f"{name}-quick" if quick else name)
+    folder = StudyFolder(out or usual)
     words = ["iout", "reproduce", *(["--study", study] if study != "paper" else [])]
     words += ["--quick"] if quick else []
     words += [word for setting in overrides or [] for word in ("--set", setting)]
-    pool = DaskCluster(scheduler) if scheduler else LocalProcesses(jobs or machine.num_cores())
+    where = [] if scheduler is None else ["--scheduler", scheduler]
+    where += [] if jobs is None else ["--jobs", str(jobs)]
+    go_on = f"Go on with: {shlex.join([*words, *where, '--out', str(folder.path)])}"
     identity = {
-        "name": name,
+        "name": show(name),
         "title": loaded.title,
         "overrides": list(overrides or []),
         "quick": quick,
     }
-    before = signal.signal(signal.SIGTERM, _interrupt)
     try:
-        with folder.open(identity):
-            results = run_study(
-                name, loaded, cells, folder, pool, command=shlex.join(words), quick=quick
+        with _stop_signals():
+            pool = (
+                LocalProcesses(jobs or machine.num_cores())
+                if scheduler is None
+                else DaskCluster(scheduler)
             )
-    except KeyboardInterrupt:
-        where = ["--scheduler", scheduler] if scheduler else ["--jobs", str(jobs)] if jobs else []
-        again = shlex.join([*words, *where, "--out", str(folder.path)])
-        typer.echo(f"\nstopped; what is finished stays. Go on with: {again}", err=True)
-        raise typer.Exit(130) from None
-    finally:
-        signal.signal(signal.SIGTERM, before)
-    _write(folder.path)
+            with folder.open(identity):
+                results = run_study(
+                    *(show(name), loaded, cells, folder, pool),
+                    command=show(shlex.join(words)),
+                    quick=quick,
+                )
+            lines = _written(folder.path)
+    except _Stopped as stopped:
+        complain(f"\nstopped; what is finished stays. {go_on}")
+        raise typer.Exit(128 + stopped.number) from None
+    except LostClusterError as error:
+        raise InputError(f"{error}; what is finished stays. {go_on}") from None
+    present("\n".join(lines))
     if results.failures:
         for failure in results.failures:
             place = f"{failure.series}, {loaded.axis.key} {failure.axis:g}, seed {failure.seed}"
-            typer.echo(f"failed: {place}: {failure.error}", err=True)
-        typer.echo(f"{len(results.failures)} of {len(cells)} cells failed", err=True)
+            complain(f"failed: {place}: {failure.error}")
+        complain(f"{len(results.failures)} of {len(cells)} cells failed")
         raise typer.Exit(1)
 
 
@@ -105,24 +128,71 @@ def report(
     ] = None,
 ) -> None:
     """Write the report of a study's results once more: page, Markdown and figures."""
-    _write(folder, markdown)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: {'is no folder' if folder.exists() else 'no such folder'}")
+    if not (folder / "results.json").exists():
+        raise InputError(f"{folder}: holds no results.json{_why_no_results(folder)}")
+    present("\n".join(_written(folder, markdown)))
 
 
-def _write(folder: Path, markdown: Path | None = None) -> None:
+def _why_no_results(folder: Path) -> str:
+    if (folder / "study.json").exists():
+        return ": its study is not finished; iout reproduce, as it was begun, goes on with it"
+    others = sorted(path.parent for path in folder.glob("*/results.json"))
+    if others:
+        return f"; did you mean {shlex.quote(str(others[0]))}?"
+    return "; iout reproduce --out DIR makes one"
+
+
+def _written(folder: Path, markdown: Path | None = None) -> list[str]:
+    """Write the report of a folder's results; what to show of it."""
     from iout_marl.report.build import build_report
     from iout_marl.report.markdown import render_markdown
     from iout_marl.report.writer import write_report
     from iout_marl.study.results import read_results
 
+    text = markdown or folder / "report.md"
+    if text.is_dir():
+        raise InputError(f"{text}: is a folder, not a file to write Markdown to")
     built = build_report(read_results(folder / "results.json"))
     write_report(built, folder)
-    text = markdown or folder / "report.md"
     figures = Path(os.path.relpath(folder / "figures", text.parent)).as_posix()
-    write_atomically(text, render_markdown(built, figures).encode())
-    for line in built.lead:
-        typer.echo(line)
-    typer.echo(f"The report is {folder / 'report.html'}")
+    rendered = render_markdown(built, figures)
+    if text.exists() and not text.is_file():  # a pipe, a device
+        write_text(text, rendered.rstrip("\n"))
+    else:
+        write_atomically(text, rendered.encode())
+    return [*built.lead, f"The report is {folder / 'report.html'}"]
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
-    raise KeyboardInterrupt
+class _Stopped(KeyboardInterrupt):
+    """A signal has asked the study to end."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
+@contextmanager
+def _stop_signals() -> Iterator[None]:
+    """Raise `_Stopped` on a signal that asks to end; a second one ends the process at once.
+
+    One that is ignored stays so, as a hangup under `nohup`.
+    """
+    before: dict[int, Any] = {}
+
+    def stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        for each in before:
+            signal.signal(each, signal.SIG_DFL)
+        raise _Stopped(number)
+
+    try:
+        if threading.current_thread() is threading.main_thread():
+            for name in ("SIGHUP", "SIGINT", "SIGTERM"):
+                number = getattr(signal, name, None)  # not every system has all of them
+                if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                    before[number] = signal.signal(number, stop)
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

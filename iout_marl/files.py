@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -15,6 +16,28 @@ from iout_marl.errors import InputError
 
 #: The file by which a process keeps others out of a folder; it stays when the process ends.
 LOCK_NAME = ".lock"
+
+
+def reason(error: OSError) -> str:
+    """Why a file could not be read or written, in the system's words or the library's own."""
+    return error.strerror or (str(error).strip() or type(error).__name__).splitlines()[0]
+
+
+def read_if_there(path: Path) -> bytes | None:
+    """What a file holds; None where there is no such file. Never waits, as a pipe would let it.
+
+    Raises:
+        InputError: it cannot be read, or is a folder, a pipe or a device.
+    """
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise InputError(f"{path}: cannot be read: it is no regular file")
+        return path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except (OSError, MemoryError) as error:
+        why = reason(error) if isinstance(error, OSError) else "not enough memory"
+        raise InputError(f"{path}: cannot be read: {why}") from None
 
 
 def write_atomically(path: Path, data: bytes) -> None:

@@ -6,18 +6,26 @@ import hashlib
 import itertools
 import json
 import math
+import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.scenario.layers import Layer, overrides_layer
+from iout_marl.scenario.sources import find_scenario
+from iout_marl.study.fields import LARGEST, LONGEST, show
 from iout_marl.study.schema import BOUND, PLANNER, TRAINED, Group, Quick, Settings, Study
 from iout_marl.world import WORLD_VERSION, draws_layout_once
 
+#: The key by which a scenario names its training preset.
+PRESET = "training.preset"
+#: More cells than anyone runs, and than a report can show.
+MAX_CELLS = 10_000
 #: Environment steps that are trained in a second, and in the time of a planner's round, about.
 STEPS_PER_SECOND, STEPS_PER_ROUND = 2e5, 4e5
 
@@ -35,6 +43,8 @@ class Cell:
         episodes: how many episodes it is judged by.
         planner_rounds: how long the planner searches; None for the usual, and for others.
         bound_seconds: how long a bound is searched for; None for others.
+        variant: the name of its variant; may be empty.
+        place: its values of the grid and of the axis, `key=value` each.
     """
 
     group: str
@@ -46,6 +56,8 @@ class Cell:
     episodes: int
     planner_rounds: int | None = None
     bound_seconds: float | None = None
+    variant: str = ""
+    place: tuple[str, ...] = ()
 
     @property
     def trains(self) -> bool:
@@ -72,8 +84,9 @@ class Cell:
         return evaluation + (self.scenario.training.steps if self.trains else 0)
 
     def describe(self) -> str:
-        """In a few words."""
-        return f"{self.series}, {self.scenario.name}, seed {self.seed}"
+        """In a few words, which no other cell of the study shares."""
+        kind = [word for word in (self.policy, self.variant) if word not in self.series]
+        return ", ".join([self.series, *kind, self.scenario.name, *self.place, f"seed {self.seed}"])
 
 
 def expand(
@@ -87,10 +100,14 @@ def expand(
         overrides: `key=value` over every scenario.
         quick: only what `quick` leaves of it.
 
+    Scenarios and training presets are looked for in the folder of the study's file, then
+    among the bundled ones. `overrides` name a preset as they do everywhere: from here.
+
     Raises:
         InputError: a scenario that is none, a setting that does not fit, an axis that is
-            no number, two cells that are the same, or no cell at all.
+            no number, two cells that are the same, no cell at all, or far too many.
     """
+    _check_size(study, layer, quick=quick)
     over = dict(_flat(overrides_layer(overrides).data))
     cells = [
         cell
@@ -131,17 +148,23 @@ def _expand_group(
     seconds = group.bound_seconds if short.bound_seconds is None else short.bound_seconds
     last = {**short.settings, **overrides}
     points = itertools.product(enumerate(group.scenarios), group.variants.items(), _grid(group))
+    study_file = Path(layer.origin(()))
     for (i, source), (variant, changes), point in points:
         where = layer.origin(("groups", name, "scenarios", i))
+        settings = {**group.settings, **changes, **point, **last}
         try:
-            scenario = load_scenario(source, {**group.settings, **changes, **point, **last})
+            beside = None if PRESET in overrides else study_file
+            scenario = load_scenario(_find(source, study_file), settings, beside=beside)
         except InputError as error:
             raise InputError(f"{where}: groups.{name}: {error}") from None
         axis = _axis(scenario, study, layer)
+        place = [f"{key}={value}" for key, value in point.items()]
+        place += [f"{study.axis.key}={axis:.12g}"] if study.axis.key not in point else []
         for policy, seed in itertools.product(group.policies, group.seeds[: short.seeds]):
             if policy == BOUND and seed != group.seeds[0] and not draws_layout_once(scenario):
                 continue  # one bound holds for all
             series = _series(group, where, name, {"policy": policy, "variant": variant, **point})
+            _check_words(where, name, scenario.name, series)
             yield Cell(
                 name,
                 series,
@@ -152,6 +175,47 @@ def _expand_group(
                 episodes=1 if policy == BOUND else group.episodes,
                 planner_rounds=rounds if policy == PLANNER else None,
                 bound_seconds=seconds if policy == BOUND else None,
+                variant=variant,
+                place=tuple(place),
+            )
+
+
+def _check_size(study: Study, layer: Layer, *, quick: bool) -> None:
+    """Before anything is expanded: a few lines can ask for more than a lifetime computes."""
+    total = 0
+    for name, group in study.groups.items():
+        if quick and name in study.quick.without:
+            continue
+        factors = (group.scenarios, group.variants, *group.grid.values(), group.policies)
+        seeds = group.seeds[: study.quick.seeds] if quick else group.seeds
+        total += math.prod(map(len, (*factors, seeds)))
+        if total > MAX_CELLS:
+            where = layer.origin(("groups", name))
+            raise InputError(
+                f"{where}: groups.{name}: scenarios × variants × grid × policies × seeds make "
+                f"more than {MAX_CELLS:,} cells, the most that a study may have"
+            )
+
+
+def _find(source: str, study_file: Path) -> Path:
+    """The file of a scenario that a study names."""
+    try:
+        return find_scenario(source, beside=study_file)
+    except InputError as error:
+        for here in (Path(source), Path(f"{source}.yaml")):
+            if here.is_file():
+                way = os.path.relpath(here, study_file.parent)
+                raise InputError(f"{error}; from the study's own folder it is {way!r}") from None
+        raise
+
+
+def _check_words(where: str, group: str, *texts: str) -> None:
+    """What tables and figures show must be of a size and without control characters."""
+    for text in texts:
+        if show(text) != text or len(text) > LONGEST:
+            raise InputError(
+                f"{where}: groups.{group}: the name {text[:40]!r} must have one line of at most "
+                f"{LONGEST:,} characters, and no control character"
             )
 
 
@@ -180,7 +244,8 @@ def _axis(scenario: Scenario, study: Study, layer: Layer) -> float:
         value = scenario.model_dump()
         for key in study.axis.key.split("."):
             value = value.get(key) if isinstance(value, dict) else None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (is_number and abs(value) <= LARGEST):
         where = layer.origin(("axis", "key"))
         raise InputError(
             f"{where}: axis.key: {study.axis.key!r} is no number in {scenario.name}, but {value!r}"

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from iout_marl.study.results import Emissions
+from iout_marl.study.records import Emissions
 
 Result = TypeVar("Result")
 
@@ -40,6 +40,8 @@ def measured(
             data = tracker.stop_task()
     finally:
         _measuring.release()
+    if not data.energy_consumed > 0:  # the processor's counters stood still
+        return result, None
     return result, Emissions(
         energy_kwh=float(f"{data.energy_consumed:.4g}"),
         co2_kg=float(f"{data.emissions:.4g}"),

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import re
+import secrets
 import shutil
 import signal
 import tempfile
 import threading
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, Protocol, TypeAlias
+from pathlib import Path
+from typing import Protocol, TypeAlias
 
-from iout_marl.errors import InputError
 from iout_marl.study.cells import Cell
 from iout_marl.study.worker import Output, run_cell
 
 #: A cell, and what came of it.
 Outcome: TypeAlias = tuple[Cell, Output | Exception]
+Outcomes: TypeAlias = Generator[Outcome, None, None]
 #: Seconds in which a scheduler must answer.
 CONNECT_S = 10
 
@@ -31,10 +32,11 @@ class Pool(Protocol):
         """Where they run, in a few words."""
         ...
 
-    def run(self, cells: Sequence[Cell], carbon_g_per_kwh: float) -> Iterator[Outcome]:
+    def run(self, cells: Sequence[Cell], carbon_g_per_kwh: float) -> Outcomes:
         """Run cells, the first ones first, and yield each as it ends.
 
-        A cell that fails yields its exception; the others go on.
+        A cell that fails yields its exception; the others go on. Where the generator is
+        closed, cells that have not ended are given up.
         """
         ...
 
@@ -63,10 +65,12 @@ class LocalProcesses:
         """See `Pool`."""
         return f"{self.jobs} process" + ("es" if self.jobs > 1 else "")
 
-    def run(self, cells: Sequence[Cell], carbon_g_per_kwh: float) -> Iterator[Outcome]:
+    def run(self, cells: Sequence[Cell], carbon_g_per_kwh: float) -> Outcomes:
         """See `Pool`. Cells that ran as a process died are run once more, one by one."""
         waiting = list(cells)
-        with tempfile.TemporaryDirectory(prefix="iout-") as folder:
+        # Made by the workers: before there is one, nobody would clear it away after a kill.
+        folder = str(Path(tempfile.gettempdir()) / f"iout-{secrets.token_hex(8)}")
+        try:
             while waiting:
                 suspects, waiting = yield from self._round(
                     waiting, self.jobs, carbon_g_per_kwh, folder
@@ -76,6 +80,8 @@ class LocalProcesses:
                     guilty, suspects = yield from self._round(suspects, 1, carbon_g_per_kwh, folder)
                     for cell in guilty:
                         yield cell, WorkerDiedError()
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
     def _round(
         self, cells: Sequence[Cell], jobs: int, carbon_g_per_kwh: float, folder: str
@@ -120,14 +126,17 @@ class LocalProcesses:
 
 
 def _start_worker(folder: str) -> None:
-    """Leave Ctrl-C to the main process, and end with it, however it ends.
+    """Leave Ctrl-C and a lost terminal to the main process, and end with it, however it ends.
 
     Args:
         folder: where temporary files go. It belongs to the main process, for a worker that is
             killed clears nothing away; one that outlives the main process does it in its stead.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for name in ("SIGINT", "SIGHUP"):  # the latter is not everywhere
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # which the main process may ignore
+    Path(folder).mkdir(mode=0o700, exist_ok=True)
     tempfile.tempdir = folder
     parent = multiprocessing.parent_process()
     assert parent is not None
@@ -139,57 +148,3 @@ def _start_worker(folder: str) -> None:
         os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
-
-
-class DaskCluster:
-    """The workers of a Dask cluster (extra `cluster`).
-
-    Dask itself runs a cell once more where its worker is lost.
-
-    Args:
-        address: of the scheduler, `tcp://HOST:PORT`.
-
-    Raises:
-        InputError: Dask is not installed, or no scheduler answers there.
-    """
-
-    def __init__(self, address: str) -> None:
-        try:
-            from distributed import Client
-        except ImportError:
-            raise InputError(
-                "--scheduler: Dask is not installed; pip install 'iout-marl[cluster]'"
-            ) from None
-        if not re.fullmatch(r"(\w+://)?[^\s/]+:\d+", address):
-            raise InputError(
-                f"--scheduler {address}: must be an address such as tcp://127.0.0.1:8786"
-            )
-        try:
-            self._client: Any = Client(address, timeout=CONNECT_S, set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
-            reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-            raise InputError(f"--scheduler {address}: no scheduler answers: {reason}") from None
-
-    def describe(self) -> str:
-        """See `Pool`."""
-        workers = len(self._client.scheduler_info(n_workers=-1)["workers"])
-        joined = f"{workers} worker" + ("" if workers == 1 else "s")
-        return f"{joined} of the cluster" + ("" if workers else ": waiting for the first")
-
-    def run(self, cells: Sequence[Cell], carbon_g_per_kwh: float) -> Iterator[Outcome]:
-        """See `Pool`."""
-        from distributed import as_completed
-
-        futures = {
-            self._client.submit(run_cell, cell, carbon_g_per_kwh, pure=False, priority=-i): cell
-            for i, cell in enumerate(cells)
-        }
-        try:
-            for future in as_completed(list(futures), loop=self._client.loop):
-                cell = futures.pop(future)
-                error = future.exception()
-                yield cell, (future.result() if error is None else error)
-                future.release()
-        finally:
-            self._client.cancel(list(futures))
-            self._client.close()

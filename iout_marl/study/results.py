@@ -8,173 +8,69 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from iout_marl import machine
 from iout_marl.errors import InputError
 from iout_marl.evaluation import METRICS, Estimate
 from iout_marl.files import read_json, to_json
-from iout_marl.study.cells import Cell
-from iout_marl.study.schema import BOUND, Axis, Study
-from iout_marl.world import WORLD_VERSION, pin_layout
+from iout_marl.scenario.fields import invalid
+from iout_marl.scenario.layers import show_path
+from iout_marl.study.cells import MAX_CELLS
+from iout_marl.study.fields import Line, NotNegative, Number, Text, Words
+from iout_marl.study.records import (
+    BOUNDS,
+    DIGITS,
+    NOT_NEGATIVE,
+    Emissions,
+    Record,
+    Saved,
+    TrainingRecord,
+)
+from iout_marl.study.schema import Axis, Report, Seed, Study
+from iout_marl.world import WORLD_VERSION
+
+#: Also of the records within.
+__all__ = [
+    "FORMAT",
+    "CellResult",
+    "Emissions",
+    "Failure",
+    "Measured",
+    "Record",
+    "Results",
+    "TrainingRecord",
+    "check_version",
+    "measured_of",
+    "read_record",
+    "read_results",
+    "record_to_json",
+    "validated",
+]
 
 #: Changes whenever older files can no longer be read.
 FORMAT = 1
-#: Digits that are kept of a figure.
-DIGITS = 7
-
-#: What metrics cannot be below and above: where intervals end.
-BOUNDS = {
-    "jain": (0.0, 1.0),
-    "jain_violation": (0.0, 1.0),
-    "uplink_success": (0.0, 1.0),
-    "reward": (-math.inf, math.inf),
-}
-NOT_NEGATIVE = (0.0, math.inf)
-
+_VERSIONS = ("format", "world_version")
 Model = TypeVar("Model", bound=BaseModel)
 
 
-class Emissions(BaseModel):
-    """What a training took, by codecarbon."""
-
-    model_config = ConfigDict(frozen=True)
-
-    energy_kwh: float
-    co2_kg: float
-    codecarbon: str  # its version
-
-
-class TrainingRecord(BaseModel):
-    """A training: by which settings, how long it took, and how it went.
-
-    `curve` has a list for each of `env_steps`, `aoi/mean`, `fairness/jain`,
-    `energy/harvested_kj` and `reward/total`, of the episodes of each rollout.
-    """
-
-    model_config = ConfigDict(frozen=True)
-
-    settings: dict[str, Any]
-    env_steps: int
-    seconds: float
-    curve: dict[str, list[float]]
-    emissions: Emissions | None
-
-
-class Record(BaseModel):
-    """What a cell has computed.
-
-    `samples` has every metric of every episode, of a bound the one that it bounds; `episode`
-    the first episode in full, of policies that were trained (see `iout_marl.episode.Episode`).
-    `world_hash` is that of the world that was played: of one layout, where one was drawn.
-    `search` says how a bound was found, or how long a plan was searched for.
-    """
-
-    model_config = ConfigDict(frozen=True)
-
-    key: str
-    scenario: str
-    scenario_hash: str
-    world_hash: str
-    duplex: str
-    nodes: int
-    auvs: int
-    maximum_age: float
-    minimum_jain: float
-    policy: str
-    seed: int
-    episodes: int
-    samples: dict[str, list[float]]
-    training: TrainingRecord | None
-    episode: dict[str, Any] | None
-    machine: dict[str, str]
-    date: str
-    search: str = ""
-
-    @classmethod
-    def of(
-        cls,
-        cell: Cell,
-        samples: dict[str, Any],
-        date: str,
-        training: TrainingRecord | None = None,
-        episode: dict[str, Any] | None = None,
-        search: str = "",
-    ) -> Self:
-        """The record of a cell on this machine."""
-        scenario = cell.scenario
-        return cls(
-            key=cell.key,
-            scenario=scenario.name,
-            scenario_hash=scenario.hash,
-            world_hash=pin_layout(scenario, cell.seed).world_hash,
-            duplex=scenario.duplex.kind,
-            nodes=scenario.num_nodes,
-            auvs=scenario.num_auvs,
-            maximum_age=scenario.age.maximum,
-            minimum_jain=scenario.fairness.minimum_jain,
-            policy=cell.policy,
-            seed=cell.seed,
-            episodes=cell.episodes,
-            samples={name: rounded(samples[name]) for name in metrics_of(cell.policy)},
-            training=training,
-            episode=episode,
-            machine=machine.describe(),
-            date=date,
-            search=search,
-        )
-
-    @model_validator(mode="after")
-    def _has_every_sample(self) -> Self:
-        for name in metrics_of(self.policy):
-            values = self.samples.get(name, [])
-            if len(values) != self.episodes or not np.isfinite(values).all():
-                raise ValueError(f"samples.{name} must hold a number for each episode")
-        return self
-
-    @property
-    def is_bound(self) -> bool:
-        """Whether it is no policy's, but what none can beat."""
-        return self.policy == BOUND
-
-    def mean(self, metric: str) -> float:
-        """A metric's mean over the episodes."""
-        return float(np.mean(self.samples[metric]))
-
-
-def metrics_of(policy: str) -> tuple[str, ...]:
-    """What is known of a policy, or of a bound."""
-    return ("mean_aoi",) if policy == BOUND else METRICS
-
-
-def rounded(values: Iterable[float]) -> list[float]:
-    """Plain numbers of `DIGITS` digits."""
-    return [float(f"{value:.{DIGITS}g}") for value in values]
-
-
-class CellResult(BaseModel):
+class CellResult(Saved):
     """A record, and where the report shows it."""
 
-    model_config = ConfigDict(frozen=True)
-
-    group: str
-    series: str
-    axis: float
+    group: Words
+    series: Words
+    axis: Number
     record: Record
 
 
-class Failure(BaseModel):
+class Failure(Saved):
     """A cell that failed."""
 
-    model_config = ConfigDict(frozen=True)
-
-    series: str
-    axis: float
-    seed: int
-    error: str
+    series: Words
+    axis: Number
+    seed: Seed
+    error: Words
 
 
 @dataclass(frozen=True)
@@ -217,24 +113,22 @@ def measured_of(records: Iterable[Record], metric: str) -> Measured | None:
     return Measured(tuple(found[0].samples[metric]), "episodes", bounds)
 
 
-class Results(BaseModel):
+class Results(Saved):
     """The results of a study."""
-
-    model_config = ConfigDict(frozen=True)
 
     format: int = FORMAT
     world_version: int = WORLD_VERSION
-    name: str
-    title: str
-    description: str
-    report: str
+    name: Words
+    title: Words
+    description: Text
+    report: Report
     axis: Axis
     front: bool = False
-    carbon_g_per_kwh: float
+    carbon_g_per_kwh: NotNegative
     quick: bool
-    command: str
-    cells: tuple[CellResult, ...]
-    failures: tuple[Failure, ...] = ()
+    command: Line
+    cells: Annotated[tuple[CellResult, ...], Field(max_length=MAX_CELLS, strict=False)]
+    failures: Annotated[tuple[Failure, ...], Field(max_length=MAX_CELLS, strict=False)] = ()
 
     @classmethod
     def of(
@@ -261,6 +155,14 @@ class Results(BaseModel):
             cells=tuple(cells),
             failures=tuple(failures),
         )
+
+    @model_validator(mode="after")
+    def _tells_bounds_from_policies(self) -> Self:
+        bounds = {cell.series for cell in self.cells if cell.record.is_bound}
+        for i, cell in enumerate(self.cells):
+            if cell.series in bounds and not cell.record.is_bound:
+                raise invalid(("cells", i, "series"), "is a series of bounds and of policies")
+        return self
 
     @property
     def series(self) -> list[str]:
@@ -330,7 +232,7 @@ def read_results(path: Path) -> Results:
     """
     data = read_json(path)
     check_version(path, data)
-    return _validated(Results, path, data)
+    return validated(Results, path, data)
 
 
 def read_record(path: Path, key: str) -> Record:
@@ -341,7 +243,7 @@ def read_record(path: Path, key: str) -> Record:
     """
     data = read_json(path)
     check_version(path, data)
-    record = _validated(Record, path, data.get("record"))
+    record = validated(Record, path, data.get("record"))
     if record.key != key:
         raise InputError(f"{path}: cannot be read: it is of the cell {record.key}")
     return record
@@ -357,20 +259,32 @@ def check_version(path: Path, data: Any) -> None:
     """Refuse what another version of this software has written.
 
     Raises:
-        InputError: it has.
+        InputError: it has, or it says nothing of versions.
     """
-    found = (data.get("format"), data.get("world_version")) if isinstance(data, dict) else None
-    if found != (FORMAT, WORLD_VERSION):
+    found = [data.get(key) if isinstance(data, dict) else None for key in _VERSIONS]
+    if not all(type(version) is int for version in found):
         raise InputError(
-            f"{path}: is of another version of this software: format and world version "
-            f"{found}, not {(FORMAT, WORLD_VERSION)}; name another folder by --out"
+            f"{path}: cannot be read: it is no file of a study, or damaged: the numbers "
+            f"{' and '.join(_VERSIONS)} are missing"
+        )
+    if found != [FORMAT, WORLD_VERSION]:
+        raise InputError(
+            f"{path}: is of another version of this software: format {found[0]} and world "
+            f"version {found[1]}, not {FORMAT} and {WORLD_VERSION}"
         )
 
 
-def _validated(model: type[Model], path: Path, data: Any) -> Model:
+def validated(model: type[Model], path: Path, data: Any) -> Model:
+    """What a file says, as a checked model.
+
+    Raises:
+        InputError: it is damaged: one line with the file, the place in it and what is wrong.
+    """
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        problem = error.errors(include_url=False)[0]
-        where = ".".join(map(str, problem["loc"]))
-        raise InputError(f"{path}: cannot be read: {where}: {problem['msg']}") from None
+        problem = error.errors(include_url=False, include_input=False)[0]
+        loc = (*problem["loc"], *problem.get("ctx", {}).get("path", ()))
+        where = show_path(tuple(loc)) or "all of it"
+        message = problem["msg"].replace("Input should", "must")
+        raise InputError(f"{path}: cannot be read: {where}: {message}") from None

@@ -11,7 +11,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -20,9 +20,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from iout_marl.errors import InputError
-from iout_marl.files import locked, read_json, to_json, write_atomically
+from iout_marl.files import LOCK_NAME, locked, read_json, to_json, write_atomically
 from iout_marl.study.cells import Cell
+from iout_marl.study.fields import LONGEST, Line, Words, show
 from iout_marl.study.pools import Pool
+from iout_marl.study.records import Saved
 from iout_marl.study.results import (
     FORMAT,
     CellResult,
@@ -33,10 +35,31 @@ from iout_marl.study.results import (
     read_record,
     read_results,
     record_to_json,
+    validated,
 )
 from iout_marl.study.schema import Study
 from iout_marl.study.worker import Output
+from iout_marl.terminal import progress_console
 from iout_marl.world import WORLD_VERSION
+
+#: The file that says which study a folder holds.
+MARKER = "study.json"
+#: What a start that was killed may leave before that file is there.
+BEGUN = (LOCK_NAME, "cells", "runs", f"{MARKER}.part")
+#: What a kill leaves of files that were being written.
+PARTS = (
+    *("study.json.part", "results.*.part", "report.*.part"),
+    *("cells/*.part", "runs/*/*.part", "figures/*.part"),
+)
+
+
+class Identity(Saved):
+    """What tells a study from others; the file that marks its folder has it."""
+
+    name: Line
+    title: Words
+    overrides: list[str]
+    quick: bool
 
 
 @dataclass(frozen=True)
@@ -61,39 +84,64 @@ class StudyFolder:
             InputError: it holds something else, results of another version or of another
                 study, cannot be written, or is in use. Nothing in it is changed then.
         """
-        marker = self.path / "study.json"
-        try:
-            found = sorted(path.name for path in self.path.iterdir()) if self.path.exists() else []
-        except OSError as error:
-            raise InputError(f"{self.path}: cannot be read: {error.strerror}") from None
-        if found and marker.name not in found:
-            raise InputError(
-                f"{self.path}: holds no study, but {found[0]}; name a new or empty folder by --out"
-            )
-        if found:
-            self._check(marker, identity)
-        try:
+        wanted = Identity.model_validate(identity)
+        self._check(wanted)
+        if self.results_path.exists():
+            with self._another_is_free():
+                read_results(self.results_path)
+        with self._writable():
             self.path.mkdir(parents=True, exist_ok=True)
-            (self.path / "cells").mkdir(exist_ok=True)
-            (self.path / "runs").mkdir(exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{self.path}: cannot be written: {error.strerror}") from None
         with locked(self.path, "another study is running in it"):
-            data = {"format": FORMAT, "world_version": WORLD_VERSION, **identity}
-            write_atomically(marker, (to_json(data, indent=2) + "\n").encode())
+            self._check(wanted)  # again: until now another one may have begun
+            with self._writable():
+                for pattern in PARTS:
+                    for part in self.path.glob(pattern):
+                        part.unlink()
+                (self.path / "cells").mkdir(exist_ok=True)
+                (self.path / "runs").mkdir(exist_ok=True)
+            data = {"format": FORMAT, "world_version": WORLD_VERSION, **wanted.model_dump()}
+            write_atomically(self.path / MARKER, (to_json(data, indent=2) + "\n").encode())
             yield
 
-    def _check(self, marker: Path, identity: Mapping[str, Any]) -> None:
-        data = read_json(marker)
-        check_version(marker, data)
-        for key, value in identity.items():
-            if data.get(key) != value:
+    @contextmanager
+    def _writable(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be written: {error.strerror}") from None
+
+    def _check(self, wanted: Identity) -> None:
+        """Refuse a folder of something else, or of another study."""
+        marker = self.path / MARKER
+        try:
+            found = {path.name: path for path in self.path.iterdir()} if self.path.exists() else {}
+            strange = sorted(n for n, path in found.items() if n not in BEGUN or _is_full(path))
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be read: {error.strerror}") from None
+        if MARKER not in found:
+            if strange:
                 raise InputError(
-                    f"{self.path}: holds a study of another {key}: {data.get(key)!r}, not "
-                    f"{value!r}; name another folder by --out"
+                    f"{self.path}: holds no study, but {strange[0]}; name a new or empty folder "
+                    "by --out"
                 )
-        if self.results_path.exists():
-            read_results(self.results_path)
+            return
+        with self._another_is_free():
+            data = read_json(marker)
+            check_version(marker, data)
+            own = validated(Identity, marker, data)
+            for key in Identity.model_fields:
+                was, is_now = getattr(own, key), getattr(wanted, key)
+                if was != is_now:
+                    raise InputError(
+                        f"{self.path}: holds a study of another {key}: {was!r}, not {is_now!r}"
+                    )
+
+    @contextmanager
+    def _another_is_free(self) -> Iterator[None]:
+        try:
+            yield
+        except InputError as error:
+            raise InputError(f"{error}; name another folder by --out") from None
 
     def record(self, cell: Cell) -> Record | None:
         """What a cell has computed, if it is finished.
@@ -108,9 +156,10 @@ class StudyFolder:
         """Write down what a cell has computed; it is finished from then on."""
         run = self.path / "runs" / cell.key
         if output.run:
-            run.mkdir(parents=True, exist_ok=True)
-            for leftover in run.iterdir():  # of a study that was killed while it wrote them
-                leftover.unlink()
+            with self._writable():
+                run.mkdir(parents=True, exist_ok=True)
+                for leftover in run.iterdir():  # of a study that was killed while it wrote them
+                    leftover.unlink()
         for name, data in output.run.items():
             write_atomically(run / name, data)
         write_atomically(self._cell_path(cell), record_to_json(output.record).encode())
@@ -148,7 +197,7 @@ def run_study(
     Raises:
         InputError: a finished cell cannot be read, or one cannot be written.
     """
-    console = console or Console(stderr=True)
+    console = console or progress_console()
     records = {cell.key: folder.record(cell) for cell in cells}
     missing = list({c.key: c for c in cells if records[c.key] is None}.values())
     # The longest first, so that no long one is left over for a single process at the end.
@@ -160,9 +209,13 @@ def run_study(
             f"{len(missing)} cells on {pool.describe()}"
             + (f"; {finished} are there already" if finished else ""),
             highlight=False,
+            markup=False,
         )
-        with _Progress(console, finished, len(records)) as progress:
-            for cell, outcome in pool.run(missing, study.carbon_g_per_kwh):
+        with (
+            _Progress(console, finished, len(records)) as progress,
+            closing(pool.run(missing, study.carbon_g_per_kwh)) as outcomes,
+        ):
+            for cell, outcome in outcomes:
                 if isinstance(outcome, Exception):
                     failures.append(_failure(cell, outcome))
                     progress.tell(cell, f"FAILED: {failures[-1].error}")
@@ -185,7 +238,12 @@ def _failure(cell: Cell, error: Exception) -> Failure:
     reason = (str(error).strip() or type(error).__name__).splitlines()[0]
     if not isinstance(error, InputError):
         reason = f"{type(error).__name__}: {reason}"
-    return Failure(series=cell.series, axis=cell.axis, seed=cell.seed, error=reason)
+    told = show(reason)[:LONGEST]
+    return Failure(series=cell.series, axis=cell.axis, seed=cell.seed, error=told)
+
+
+def _is_full(path: Path) -> bool:
+    return path.is_dir() and any(path.iterdir())
 
 
 class _Progress:

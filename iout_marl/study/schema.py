@@ -10,10 +10,11 @@ from pydantic import Field, model_validator
 from iout_marl.bounds import USUAL_SECONDS
 from iout_marl.errors import did_you_mean
 from iout_marl.policies import UNTRAINED, PlannerPolicy
-from iout_marl.scenario.fields import Count, NonNegative, Section, invalid
+from iout_marl.scenario.fields import Count, Section, invalid
 from iout_marl.scenario.layers import Layer, read_file
 from iout_marl.scenario.loading import validate
 from iout_marl.scenario.sources import find_study
+from iout_marl.study.fields import Text, Words
 
 #: The policy that is trained, by the scenario's `training` section.
 TRAINED = "ppo"
@@ -25,6 +26,13 @@ POLICIES = (*UNTRAINED, TRAINED, BOUND)
 
 Settings: TypeAlias = dict[str, Any]
 Seed: TypeAlias = Annotated[int, Field(ge=0, lt=2**63)]
+#: A cell plays all of its episodes at once.
+Episodes: TypeAlias = Annotated[int, Field(ge=1, le=100_000)]
+#: How long searches may take: so many rounds, so many seconds (four months).
+Rounds: TypeAlias = Annotated[int, Field(ge=0, le=10**9)]
+Seconds: TypeAlias = Annotated[float, Field(ge=0, le=1e7)]
+#: `paper` answers the paper's claims, `plain` shows every series over the axis.
+Report: TypeAlias = Literal["paper", "plain"]
 
 
 def _as_is() -> dict[str, Settings]:
@@ -36,8 +44,8 @@ class Axis(Section):
     """What the figures are drawn over."""
 
     #: A key of the scenario, in dots, whose value is a number.
-    key: str = "nodes.count"
-    label: str = "Number of nodes K"
+    key: Words = "nodes.count"
+    label: Words = "Number of nodes K"
 
 
 class Quick(Section):
@@ -48,8 +56,8 @@ class Quick(Section):
     #: How many seeds of each group, from its first.
     seeds: Count | None = None
     #: What searches take, in every group: rounds of the planner, seconds for a bound.
-    planner_rounds: Annotated[int, Field(ge=0)] | None = None
-    bound_seconds: NonNegative | None = None
+    planner_rounds: Rounds | None = None
+    bound_seconds: Seconds | None = None
     #: Groups that are left out.
     without: Annotated[tuple[str, ...], Field(strict=False)] = ()
     #: Dotted keys over those of every group.
@@ -60,21 +68,21 @@ class Group(Section):
     """A grid of cells: scenarios × variants × grid × policies × seeds."""
 
     #: What the report calls them, `{policy}`, `{variant}` and the keys of `grid` filled in.
-    series: str = "{policy}"
+    series: Words = "{policy}"
     scenarios: Annotated[tuple[str, ...], Field(min_length=1, strict=False)]
     policies: Annotated[tuple[str, ...], Field(min_length=1, strict=False)]
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1, strict=False)] = (0,)
     #: Episodes in which each policy is evaluated; a bound has one figure.
-    episodes: Count = 100
+    episodes: Episodes = 100
     #: How long the planner searches: so many rounds for all episodes together; null for the
     #: usual few.
-    planner_rounds: Annotated[int, Field(ge=0)] | None = None
+    planner_rounds: Rounds | None = None
     #: How long a bound is searched for, about.
-    bound_seconds: NonNegative = USUAL_SECONDS
+    bound_seconds: Seconds = USUAL_SECONDS
     #: Dotted keys over every scenario.
     settings: Settings = Field(default_factory=dict)
     #: Dotted keys over every scenario, by the name of the variant.
-    variants: Annotated[dict[str, Settings], Field(min_length=1)] = Field(default_factory=_as_is)
+    variants: Annotated[dict[Words, Settings], Field(min_length=1)] = Field(default_factory=_as_is)
     #: Values of dotted keys, every combination of which is a cell.
     grid: dict[str, list[Any]] = Field(default_factory=dict)
 
@@ -99,17 +107,16 @@ class Group(Section):
 class Study(Section):
     """A study: groups of cells, and how they are reported."""
 
-    title: str
-    description: str = ""
-    #: `paper` answers the paper's claims, `plain` shows every series over the axis.
-    report: Literal["paper", "plain"] = "plain"
+    title: Words
+    description: Text = ""
+    report: Report = "plain"
     axis: Axis = Axis()
     #: Show mean AoI against fairness, and the Pareto front of each world.
     front: bool = False
     quick: Quick = Quick()
     #: Carbon intensity of the electricity, in g of CO2 for a kWh; codecarbon's of the world.
-    carbon_g_per_kwh: NonNegative = 475.0
-    groups: Annotated[dict[str, Group], Field(min_length=1)]
+    carbon_g_per_kwh: Annotated[float, Field(ge=0, le=1e6)] = 475.0
+    groups: Annotated[dict[Words, Group], Field(min_length=1)]
 
     @model_validator(mode="after")
     def _leave_out_what_is_there(self) -> Study:

@@ -5,23 +5,24 @@ from __future__ import annotations
 import datetime as dt
 import functools
 import json
+import re
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 from iout_marl.bounds import bound
 from iout_marl.episode import record_episode
-from iout_marl.evaluation import evaluate
+from iout_marl.errors import InputError
+from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.policies import Budget, PlannerPolicy
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.study.cells import Cell
 from iout_marl.study.emissions import measured
-from iout_marl.study.results import Record, TrainingRecord, rounded
+from iout_marl.study.records import CURVES, Record, TrainingRecord, rounded
 from iout_marl.study.schema import BOUND
 from iout_marl.world import pin_layout
 
-#: What of a training's log goes into the report, and at how many points at most.
-CURVES = ("aoi/mean", "fairness/jain", "energy/harvested_kj", "reward/total")
+#: At how many points of a training its log goes into the report, at most.
 CURVE_POINTS = 60
 #: Of a run's folder, what only serves to go on with an unfinished training.
 LEFT_OUT = ("checkpoint.pt",)
@@ -50,8 +51,11 @@ def run_cell(cell: Cell, carbon_g_per_kwh: float) -> Output:
     rounds = cell.planner_rounds
     policy = cell.policy if rounds is None else PlannerPolicy(Budget(rounds=rounds))
     search = "" if rounds is None else f"{rounds} rounds"
-    evaluation = evaluate(scenario, policy, cell.episodes, cell.seed)
-    return Output(Record.of(cell, evaluation.samples, _today(), search=search), {})
+    played = evaluate(scenario, policy, cell.episodes, cell.seed)
+    record = Record.of(
+        cell, played.samples, _today(), search=search, deterministic=_is_deterministic(played)
+    )
+    return Output(record, {})
 
 
 def _bound(cell: Cell, scenario: Scenario) -> Output:
@@ -72,17 +76,21 @@ def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
     torch.set_num_threads(1)
     _warm_up()
     with tempfile.TemporaryDirectory(prefix="iout-") as folder:
-        outcome, emissions = measured(
-            lambda: trainers.train(
-                cell.scenario,
-                Path(folder) / "run",
-                cell.seed,
-                console=Console(quiet=True),
-                evaluation_episodes=cell.episodes,
-                catch_signals=False,
-            ),
-            carbon_g_per_kwh,
-        )
+        run = Path(folder) / "run"
+        try:
+            outcome, emissions = measured(
+                lambda: trainers.train(
+                    cell.scenario,
+                    run,
+                    cell.seed,
+                    console=Console(quiet=True),
+                    evaluation_episodes=cell.episodes,
+                    catch_signals=False,
+                ),
+                carbon_g_per_kwh,
+            )
+        except (InputError, OSError) as error:
+            raise InputError(_without_folder(error, run)) from None
         assert outcome.evaluation is not None  # nothing stops it early
         training = TrainingRecord(
             settings=cell.scenario.training.model_dump(mode="json"),
@@ -92,9 +100,29 @@ def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
             emissions=emissions,
         )
         episode = record_episode(outcome.trainer.scenario, outcome.run.load_policy()).to_json()
-        record = Record.of(cell, outcome.evaluation.samples, _today(), training, episode)
+        record = Record.of(
+            cell,
+            outcome.evaluation.samples,
+            _today(),
+            training,
+            episode,
+            deterministic=_is_deterministic(outcome.evaluation),
+        )
         files = [path for path in outcome.run.path.iterdir() if path.name not in LEFT_OUT]
         return Output(record, {path.name: path.read_bytes() for path in files})
+
+
+def _without_folder(error: InputError | OSError, run: Path) -> str:
+    """Why a training failed, without the folder that is cleared away, and what is in it."""
+    reason = getattr(error, "reason", None) or str(error)
+    for path in (f"{run}: ", f"{run}/", f"{run.parent}/"):
+        reason = reason.replace(path, "")
+    return re.sub(r"; the checkpoint of [\d,]+ steps stands", "", reason)
+
+
+def _is_deterministic(evaluation: Evaluation) -> bool:
+    """Whether one episode stands for all."""
+    return bool(getattr(evaluation, "deterministic", False))
 
 
 @functools.cache

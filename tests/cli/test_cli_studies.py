@@ -140,7 +140,9 @@ def test_results_of_another_version_are_refused_and_kept(refused, finished, fold
 
 
 def test_folder_without_results_is_refused(refused, tmp_path):
-    assert "results.json: cannot be read: No such file" in refused("report", tmp_path)
+    assert "holds no results.json; iout reproduce --out DIR makes one" in refused(
+        "report", tmp_path
+    )
 
 
 def test_setting_that_fits_no_scenario_is_refused(refused, finished):

@@ -9,7 +9,7 @@ import pytest
 from tiny_study import PATIENCE_S, STUDY, wait_for, write_study
 
 from iout_marl import InputError
-from iout_marl.study.pools import DaskCluster
+from iout_marl.study.cluster import DaskCluster
 
 
 @pytest.fixture
@@ -63,7 +63,7 @@ def test_a_study_survives_the_loss_of_a_worker(cluster, tmp_path):
 
 
 def test_an_address_without_a_scheduler_is_told(monkeypatch):
-    monkeypatch.setattr("iout_marl.study.pools.CONNECT_S", 1)
+    monkeypatch.setattr("iout_marl.study.cluster.CONNECT_S", 1)
     with pytest.raises(InputError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler"):
         DaskCluster("tcp://127.0.0.1:9")
 

@@ -94,13 +94,13 @@ def test_a_killed_study_takes_its_workers_along_and_goes_on_where_it_was(start, 
     assert before == {path: path.stat().st_mtime_ns for path in before}
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT, signal.SIGTERM])
 def test_a_stopped_study_says_how_to_go_on(start, tmp_path, number):
     process = start("--jobs", "2")
     wait_for(lambda: finished_cells(tmp_path))
     process.send_signal(number)
     _, told = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 130
+    assert process.returncode == 128 + number
     assert "stopped; what is finished stays. Go on with: iout reproduce" in told
     assert "Traceback" not in told
     assert not (tmp_path / "out" / "results.json").exists()

@@ -255,8 +255,8 @@ def test_damaged_results_are_told_in_one_line(tmp_path, text, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda r: r["samples"].pop("jain"), r"samples\.jain must hold a number for each episode"),
-        (lambda r: r["samples"].update(mean_aoi=[]), r"samples\.mean_aoi must hold"),
+        (lambda r: r["samples"].pop("jain"), r"samples\.jain: must hold a number for each episode"),
+        (lambda r: r["samples"].update(mean_aoi=[]), r"samples\.mean_aoi: must hold"),
         (lambda r: r["samples"].update(jain=[float("nan")] * 3), "NaN is no number of JSON"),
         (lambda r: r.update(key="another"), "it is of the cell another"),
         (lambda r: r.pop("seed"), "seed: Field required"),

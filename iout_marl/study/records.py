@@ -1,0 +1,253 @@
+"""The record of a cell: its figures, its training, an episode; each checked when it is read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, Any, Self, TypeAlias
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from iout_marl import machine
+from iout_marl.evaluation import METRICS
+from iout_marl.scenario.fields import Fraction, invalid
+from iout_marl.study.cells import Cell
+from iout_marl.study.fields import (
+    LARGEST,
+    Counted,
+    NotNegative,
+    Number,
+    Positive,
+    Whole,
+    Words,
+    show,
+)
+from iout_marl.study.schema import BOUND, Seed
+from iout_marl.world import pin_layout
+
+#: Digits that are kept of a figure.
+DIGITS = 7
+#: What of a training's log is kept.
+CURVES = ("aoi/mean", "fairness/jain", "energy/harvested_kj", "reward/total")
+#: Settings of a training that reports calculate with.
+_NUMBERS = ("discount", "learning_rate", "steps")
+
+#: What metrics cannot be below and above: where intervals end.
+BOUNDS = {
+    "jain": (0.0, 1.0),
+    "jain_violation": (0.0, 1.0),
+    "uplink_success": (0.0, 1.0),
+    "reward": (-math.inf, math.inf),
+}
+NOT_NEGATIVE = (0.0, math.inf)
+#: Ages begin at 1, and reductions are shares of them.
+_AGES = ("mean_aoi", "final_aoi", "peak_aoi")
+
+
+def _check_setting(value: Any) -> Any:
+    for one in value if isinstance(value, list) else [value]:
+        if isinstance(one, int | float) and abs(one) <= LARGEST:
+            continue
+        if not (one is None or isinstance(one, str)) or show(one or "") != (one or ""):
+            raise invalid((), "must be a number, a word, true, false, null or a list of them")
+    return value
+
+
+_Setting: TypeAlias = Annotated[Any, AfterValidator(_check_setting)]
+_Place: TypeAlias = Annotated[list[Counted], Field(min_length=3, max_length=3)]
+#: Of each AUV, of each node.
+_OfEach: TypeAlias = Annotated[list[Whole], Field(min_length=1)]
+
+
+class Saved(BaseModel):
+    """A part of a file of results: as it was written, to the type, and finite."""
+
+    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+
+
+class Emissions(Saved):
+    """What a training took, by codecarbon."""
+
+    energy_kwh: Positive
+    co2_kg: NotNegative
+    codecarbon: Words  # its version
+
+
+class TrainingRecord(Saved):
+    """A training: by which settings, how long it took, and how it went.
+
+    `curve` has a list for each of `env_steps`, `aoi/mean`, `fairness/jain`,
+    `energy/harvested_kj` and `reward/total`, of the episodes of each rollout.
+    """
+
+    settings: dict[Words, _Setting]
+    env_steps: Whole
+    seconds: Positive
+    curve: dict[Words, list[Number]]
+    emissions: Emissions | None
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> Self:
+        for key in _NUMBERS:
+            value = self.settings.get(key)
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise invalid(("settings", key), "must be a number")
+        lengths = {name: len(self.curve.get(name, ())) for name in ("env_steps", *CURVES)}
+        for name in lengths:
+            if name not in self.curve:
+                raise invalid(("curve", name), "is missing")
+        if len(set(lengths.values())) > 1:
+            raise invalid(("curve",), f"has lists of different lengths: {lengths}")
+        return self
+
+
+class _Episode(Saved):
+    """What `iout_marl.episode.Episode` holds, cell by cell and slot by slot."""
+
+    grid: _Place
+    spacing_m: Positive
+    nodes: Annotated[list[_Place], Field(min_length=1)]
+    path: Annotated[list[Annotated[list[_Place], Field(min_length=1)]], Field(min_length=2)]
+    charged: list[_OfEach]
+    heard: list[_OfEach]
+    delivered: list[Annotated[list[bool], Field(min_length=1)]]
+    ages: list[_OfEach]
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        slots, auvs, nodes = len(self.path) - 1, len(self.path[0]), len(self.nodes)
+        for name, length, width in (
+            ("path", slots + 1, auvs),
+            ("charged", slots, auvs),
+            ("heard", slots, auvs),
+            ("delivered", slots, auvs),
+            ("ages", slots, nodes),
+        ):
+            rows: Sequence[Sequence[Any]] = getattr(self, name)
+            if len(rows) != length or any(len(row) != width for row in rows):
+                raise invalid((name,), f"must have {length} rows of {width}")
+        for name, places in (
+            ("nodes", self.nodes),
+            ("path", (p for row in self.path for p in row)),
+        ):
+            if any(c > size for p in places for c, size in zip(p, self.grid, strict=True)):
+                raise invalid((name,), "leaves the grid")
+        for name in ("charged", "heard"):
+            if any(node > nodes for row in getattr(self, name) for node in row):
+                raise invalid((name,), f"names a node beyond the last, {nodes}")
+        return self
+
+
+class Record(Saved):
+    """What a cell has computed.
+
+    `samples` has every metric of every episode that was played, of a bound the one that it
+    bounds; a single episode stands for all where `deterministic`. `episode` is the first one
+    in full, of policies that were trained (see `iout_marl.episode.Episode`). `world_hash` is
+    that of the world that was played: of one layout, where one was drawn. `search` says how a
+    bound was found, or how long a plan was searched for.
+    """
+
+    key: Words
+    scenario: Words
+    scenario_hash: Words
+    world_hash: Words
+    duplex: Words
+    nodes: Counted
+    auvs: Counted
+    maximum_age: Positive
+    minimum_jain: Fraction
+    policy: Words
+    seed: Seed
+    episodes: Counted
+    samples: dict[Words, list[Number]]
+    training: TrainingRecord | None
+    episode: dict[str, Any] | None
+    machine: dict[Words, Words]
+    date: Words
+    search: Words = ""
+    deterministic: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        cell: Cell,
+        samples: Mapping[str, Any],
+        date: str,
+        training: TrainingRecord | None = None,
+        episode: dict[str, Any] | None = None,
+        search: str = "",
+        *,
+        deterministic: bool = False,
+    ) -> Self:
+        """The record of a cell on this machine."""
+        scenario = cell.scenario
+        kept = {name: rounded(samples[name]) for name in metrics_of(cell.policy)}
+        return cls(
+            key=cell.key,
+            scenario=scenario.name,
+            scenario_hash=scenario.hash,
+            world_hash=pin_layout(scenario, cell.seed).world_hash,
+            duplex=scenario.duplex.kind,
+            nodes=scenario.num_nodes,
+            auvs=scenario.num_auvs,
+            maximum_age=scenario.age.maximum,
+            minimum_jain=scenario.fairness.minimum_jain,
+            policy=cell.policy,
+            seed=cell.seed,
+            episodes=len(kept["mean_aoi"]),
+            samples=kept,
+            training=training,
+            episode=episode,
+            machine={name: show(value) for name, value in machine.describe().items()},
+            date=date,
+            search=search,
+            deterministic=deterministic,
+        )
+
+    @model_validator(mode="after")
+    def _has_every_sample(self) -> Self:
+        for name in metrics_of(self.policy):
+            values = self.samples.get(name, [])
+            if len(values) != self.episodes:
+                raise invalid(("samples", name), "must hold a number for each episode")
+            low, high = BOUNDS.get(name, NOT_NEGATIVE)
+            if min(values) < low or max(values) > high:
+                raise invalid(("samples", name), f"must lie between {low:g} and {high:g}")
+            if name in _AGES and min(values) < 1 / LARGEST:
+                raise invalid(("samples", name), "must lie above 0")
+        return self
+
+    @model_validator(mode="after")
+    def _has_an_episode_of_its_world(self) -> Self:
+        if self.episode is None:
+            return self
+        try:
+            episode = _Episode.model_validate(self.episode)
+        except ValidationError as error:
+            problem = error.errors(include_url=False)[0]
+            path = (*problem["loc"], *problem.get("ctx", {}).get("path", ()))
+            raise invalid(("episode", *path), problem["msg"]) from None
+        if (len(episode.nodes), len(episode.path[0])) != (self.nodes, self.auvs):
+            raise invalid(("episode",), f"must be of {self.nodes} nodes and {self.auvs} AUVs")
+        return self
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether it is no policy's, but what none can beat."""
+        return self.policy == BOUND
+
+    def mean(self, metric: str) -> float:
+        """A metric's mean over the episodes."""
+        return float(np.mean(self.samples[metric]))
+
+
+def metrics_of(policy: str) -> tuple[str, ...]:
+    """What is known of a policy, or of a bound."""
+    return ("mean_aoi",) if policy == BOUND else METRICS
+
+
+def rounded(values: Iterable[float]) -> list[float]:
+    """Plain numbers of `DIGITS` digits."""
+    return [float(f"{value:.{DIGITS}g}") for value in values]
