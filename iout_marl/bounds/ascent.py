@@ -8,14 +8,17 @@ boxstep method; Marsten, Hogan and Blankenship, 1975), a linear programme.
 from __future__ import annotations
 
 import time
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linprog
 
+from iout_marl.bounds.deadline import OutOfTime, check_time
 from iout_marl.bounds.energy import ROUGH
 from iout_marl.bounds.field import Field
-from iout_marl.bounds.sharing import Prices, Programme, oldest_age
+from iout_marl.bounds.prices import Prices
+from iout_marl.bounds.sharing import Programme, Wish, oldest_age
 
 Floats = npt.NDArray[np.float64]
 
@@ -32,64 +35,91 @@ PLANES = 80
 FEW_ANSWERS, ROUGH_SHARE, ROUGH_OLDEST_PER_NODE = 30, 0.5, 3
 
 
-def climb(field: Field, seconds: float) -> tuple[float, Prices]:
-    """The highest sharing bound found, as a sum of ages, and its prices.
+class Climbed(NamedTuple):
+    """How high a climb came."""
 
-    Where the nodes' answers take long, a game of fewer levels and ages shows the way first.
+    age_sum: float  # the bound
+    prices: Prices
+    field: Field  # the game they are for
+    oldest: int  # age from which on none are told apart
+
+
+def climb(field: Field, seconds: float) -> Climbed | None:
+    """The highest sharing bound found; None where there is no time for any.
+
+    Where the nodes' answers take long, a game of fewer levels and ages shows the way first; where
+    there is no time for any but that, its own bound is what there is.
 
     Args:
         field: the game, of a TDD scenario.
-        seconds: time to spend, about; the nodes are asked once at least, which takes some seconds
-            where there are ten.
+        seconds: time to spend.
     """
     begun = time.monotonic()
-    point, box = _way_shown(field, seconds)
-    dual = _Dual(field, oldest_age(field))
-    age_sum, point, _ = _climb(dual, point, box, begun + seconds)
-    return age_sum, dual.prices(point)
+    deadline = begun + seconds
+    game = _Dual(field, oldest_age(field))
+    rough_field = Field.of(field.scenario, ROUGH)
+    rough = _Dual(rough_field, oldest_age(rough_field, ROUGH_OLDEST_PER_NODE))
+    try:
+        answer_s = rough.seconds_of_answer(deadline)
+    except OutOfTime:
+        return None
+    answer_s *= field.num_levels * game.oldest / (rough_field.num_levels * rough.oldest)
+    way, box = None, FIRST_BOX
+    if answer_s * FEW_ANSWERS >= seconds:
+        is_time = begun + ROUGH_SHARE * seconds + answer_s < deadline
+        way, box = _climb(
+            rough, rough.first(), box, begun + ROUGH_SHARE * seconds if is_time else deadline
+        )
+    top, _ = _climb(game, game.first() if way is None else way.point, box, deadline)
+    found = [
+        Climbed(place.value, dual.prices(place.point), dual.field, dual.oldest)
+        for dual, place in ((rough, way), (game, top))
+        if place is not None
+    ]
+    return max(found, key=lambda climbed: climbed.age_sum, default=None)
 
 
-def _way_shown(field: Field, seconds: float) -> tuple[Floats, float]:
-    """Where to begin, and half the edge of the first box."""
-    rough = Field.of(field.scenario, ROUGH)
-    dual = _Dual(rough, oldest_age(rough, ROUGH_OLDEST_PER_NODE))
-    begun = time.monotonic()
-    dual.planes(dual.first())
-    answer_s = time.monotonic() - begun
-    times_as_long = field.num_levels * oldest_age(field) / (rough.num_levels * dual.oldest)
-    if answer_s * times_as_long * FEW_ANSWERS < seconds:
-        return dual.first(), FIRST_BOX
-    return _climb(dual, dual.first(), FIRST_BOX, begun + ROUGH_SHARE * seconds)[1:]
+class _Place(NamedTuple):
+    """A point, and the value of the dual there."""
+
+    value: float
+    point: Floats
 
 
-def _climb(dual: _Dual, point: Floats, box: float, deadline: float) -> tuple[float, Floats, float]:
-    """The highest value found, where it is, and half the edge of the box by then.
+def _climb(dual: _Dual, point: Floats, box: float, deadline: float) -> tuple[_Place | None, float]:
+    """The highest place found, if any, and half the edge of the box by then.
 
     Args:
-        dual: what to climb; its nodes are asked once at least.
+        dual: what to climb.
         point: where to begin.
         box: half the edge of the first box.
         deadline: when to end.
     """
-    best, best_point = -np.inf, point
+    best = None
     planes: list[tuple[Floats, Floats]] = []
-    while True:
-        slopes, offsets = dual.planes(point)
-        planes = [*planes, (slopes, offsets)][-PLANES:]
-        value = float((slopes @ point + offsets).sum() - dual.paid_back @ point)
-        if value > best:
-            best, best_point, box = value, point, box * GROWTH
-        else:
-            box *= SHRINKAGE
-        if time.monotonic() > deadline or box < SMALLEST_BOX:
-            return best, best_point, box
-        point = _best_within(planes, dual, best_point, box)
+    while box >= SMALLEST_BOX:
+        try:
+            slopes, offsets = dual.planes(point, deadline)
+            planes = [*planes, (slopes, offsets)][-PLANES:]
+            value = float((slopes @ point + offsets).sum() - dual.paid_back @ point)
+            if best is None or value > best.value:
+                best, box = _Place(value, point), box * GROWTH
+            else:
+                box *= SHRINKAGE
+            point = _best_within(planes, dual, best.point, box, deadline)
+        except OutOfTime:
+            break
+    return best, box
 
 
 def _best_within(
-    planes: list[tuple[Floats, Floats]], dual: _Dual, centre: Floats, box: float
+    planes: list[tuple[Floats, Floats]], dual: _Dual, centre: Floats, box: float, deadline: float
 ) -> Floats:
-    """The point of the box at which the planes, added up over nodes, are highest."""
+    """The point of the box at which the planes, added up over nodes, are highest.
+
+    Raises:
+        OutOfTime: the deadline has come.
+    """
     num_nodes = dual.num_nodes
     slopes = np.concatenate([slope for slope, _ in planes])
     offsets = np.concatenate([offset for _, offset in planes])
@@ -102,7 +132,9 @@ def _best_within(
         b_ub=offsets,
         bounds=[*zip(low, high, strict=True), *[(None, None)] * num_nodes],
         method="highs",
+        options={"time_limit": max(deadline - time.monotonic(), 0.01)},
     )
+    check_time(deadline)
     # Where the solver gives up, the prices stay: any are valid.
     return centre if solution.x is None else np.asarray(solution.x[: len(centre)])
 
@@ -117,6 +149,7 @@ class _Dual:
 
     def __init__(self, field: Field, oldest: int) -> None:
         scenario = field.scenario
+        self.field = field
         self.num_nodes = scenario.num_nodes
         last = scenario.num_slots - 1
         self._slots = (*(slot for slot in TIMES if slot < last), last)
@@ -138,18 +171,38 @@ class _Dual:
     def prices(self, point: Floats) -> Prices:
         """The prices that a point stands for."""
         free = point[self.num_times :].reshape(self.num_nodes, self.num_nodes, self.num_times)
-        return Prices(self._slots, point[: self.num_times], free - free.mean(axis=0), self._reach_m)
+        # The solver keeps its bounds up to a tolerance.
+        naming = np.maximum(point[: self.num_times], 0.0)
+        return Prices(self._slots, naming, free - free.mean(axis=0), self._reach_m)
 
-    def planes(self, point: Floats) -> tuple[Floats, Floats]:
-        """Slope and offset of each node's plane at a point: (nodes, variables), (nodes,)."""
+    def seconds_of_answer(self, deadline: float) -> float:
+        """How long the nodes take for an answer, about: as many times one node's as there are.
+
+        Raises:
+            OutOfTime: the deadline has come.
+        """
+        begun = time.monotonic()
+        self._wish(self.prices(self.first()), 0, deadline)
+        return (time.monotonic() - begun) * self.num_nodes
+
+    def _wish(self, prices: Prices, node: int, deadline: float) -> Wish:
+        return self._programme.wish(
+            node,
+            self._between @ prices.naming,
+            self._between @ prices.presence[node].T @ self._nearness,
+            deadline,
+        )
+
+    def planes(self, point: Floats, deadline: float) -> tuple[Floats, Floats]:
+        """Slope and offset of each node's plane at a point: (nodes, variables), (nodes,).
+
+        Raises:
+            OutOfTime: the deadline has come.
+        """
         prices = self.prices(point)
         slopes, offsets = [], []
         for node in range(self.num_nodes):
-            wish = self._programme.wish(
-                node,
-                self._between @ prices.naming,
-                self._between @ prices.presence[node].T @ self._nearness,
-            )
+            wish = self._wish(prices, node, deadline)
             felt = self._nearness[:, wish.path] @ self._between
             share = np.eye(self.num_nodes)[node] - 1 / self.num_nodes
             slope = np.concatenate(

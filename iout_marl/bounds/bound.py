@@ -9,11 +9,13 @@ from typing import Any
 
 from iout_marl.bounds.ascent import climb
 from iout_marl.bounds.certificate import Certificate, verified_age_sum
+from iout_marl.bounds.check_game import is_covered
 from iout_marl.bounds.energy import FINE
-from iout_marl.bounds.field import Field, is_covered
+from iout_marl.bounds.field import Field
 from iout_marl.bounds.opening import search
 from iout_marl.bounds.scheduling import least_age_sum
-from iout_marl.bounds.sharing import fits, oldest_age
+from iout_marl.bounds.sharing import fits
+from iout_marl.errors import InputError
 from iout_marl.scenario import RandomNodes, Scenario, Tdd
 
 #: How long a bound is searched for unless told otherwise.
@@ -83,22 +85,24 @@ def bound(
     Args:
         scenario: the scenario.
         best_known: a mean AoI that some policy reaches, in slots: spares looking higher.
-        seconds: time to search for, about: a step that has begun is finished, and the check
-            comes on top.
+        seconds: time to search for: a step that has begun takes up to a second more. The check
+            comes on top, and takes about as long again at most.
+
+    Raises:
+        InputError: the scenario's ages are too large to be added up.
     """
+    deadline = time.monotonic() + seconds
     node_slots = scenario.num_nodes * scenario.num_slots
     scheduled = least_age_sum(scenario)
-    certificate = Certificate(scenario.world_hash, scheduled)
-    energy_and_travel = None
+    found = [Certificate(scenario.world_hash, scheduled)]
     if is_covered(scenario):
         highest = round(node_slots * (best_known or scenario.age.maximum))
         is_tdd = isinstance(scenario.duplex, Tdd)
-        deadline = time.monotonic() + seconds
-        certificate = _opening(scenario, certificate, highest, seconds / 4 if is_tdd else seconds)
-        if is_tdd and time.monotonic() < deadline:
-            certificate = _sharing(scenario, certificate, deadline - time.monotonic())
-        energy_and_travel = certificate.age_sum / node_slots
-    verified_age_sum(scenario, certificate)
+        found.append(_opening(scenario, scheduled, highest, seconds / 4 if is_tdd else seconds))
+        if is_tdd and (sharing := _sharing(scenario, deadline - time.monotonic())):
+            found.append(sharing)
+    certificate = _highest_verified(scenario, found)
+    energy_and_travel = certificate.age_sum / node_slots if is_covered(scenario) else None
     return Bound(
         scenario=scenario.name,
         scenario_hash=scenario.hash,
@@ -109,27 +113,41 @@ def bound(
     )
 
 
-def _opening(scenario: Scenario, known: Certificate, highest: int, seconds: float) -> Certificate:
-    """The opening bound's certificate, if it is higher than what is known."""
+def _opening(scenario: Scenario, proven: int, highest: int, seconds: float) -> Certificate:
+    """The opening bound's certificate."""
+    deadline = time.monotonic() + seconds
     field = Field.of(scenario)
-    found = search(field, known.age_sum, highest, seconds)
-    if found <= known.age_sum:
-        return known
-    return Certificate(scenario.world_hash, found, tuple(field.levels_j[:-1].tolist()))
+    age_sum = search(field, proven, highest, deadline - time.monotonic())
+    return Certificate(scenario.world_hash, age_sum, tuple(field.levels_j[:-1].tolist()))
 
 
-def _sharing(scenario: Scenario, known: Certificate, seconds: float) -> Certificate:
-    """The sharing bound's certificate, if it is higher than what is known."""
+def _sharing(scenario: Scenario, seconds: float) -> Certificate | None:
+    """The sharing bound's certificate, where memory and time are enough for one."""
+    deadline = time.monotonic() + seconds
     field = Field.of(scenario, FINE)
-    if not fits(field):
-        return known
-    found, prices = climb(field, seconds)
+    climbed = climb(field, deadline - time.monotonic()) if fits(field) else None
+    if climbed is None:
+        return None
     # Sums of ages are whole numbers; the search's own are rounded.
-    age_sum = math.ceil(found - ROUNDING_SLOTS)
-    if age_sum <= known.age_sum:
-        return known
-    levels_j = tuple(field.levels_j[:-1].tolist())
-    return Certificate(scenario.world_hash, age_sum, levels_j, prices, oldest_age(field))
+    age_sum = max(math.ceil(climbed.age_sum - ROUNDING_SLOTS), 0)
+    levels_j = tuple(climbed.field.levels_j[:-1].tolist())
+    return Certificate(scenario.world_hash, age_sum, levels_j, climbed.prices, climbed.oldest)
+
+
+def _highest_verified(scenario: Scenario, found: list[Certificate]) -> Certificate:
+    """The certificate of the highest claim that the check confirms; of like ones the simplest.
+
+    Where the search's rounding has led it astray, or the check would take too much memory, the
+    next lower claim is made; the scheduling bound, the first of them, is always confirmed.
+    """
+    first, *others = sorted(found, key=lambda certificate: -certificate.age_sum)
+    try:
+        verified_age_sum(scenario, first)
+    except InputError:
+        if not others:
+            raise
+        return _highest_verified(scenario, others)
+    return first
 
 
 def _validity(scenario: Scenario) -> str:

@@ -40,6 +40,8 @@ FINE = Ladder(step=0.012, num_steps=30, wider_by=1.08, top=3.0)
 ROUGH = Ladder(step=0.05, num_steps=7, wider_by=1.25, top=1.8)
 #: No level or affordable uplink comes near to this many joules.
 BEYOND_J = 1e100
+#: Ladders are made for no smaller harvest: their levels would be one and the same.
+LEAST_J = 1e-200
 #: Error allowed per slot for the world's floating-point sums, as a share of the energies.
 ROUNDING = 1e-11
 
@@ -59,8 +61,10 @@ class Tables(NamedTuple):
 
 def ladder_j(ladder: Ladder, largest_harvest_j: float) -> Floats:
     """(levels,) energies in J, from 0 to infinity."""
-    levels = [i * ladder.step * largest_harvest_j for i in range(ladder.num_steps + 1)]
-    while levels[-1] < ladder.top * largest_harvest_j:
+    # Any ladder will do where nothing, or all but nothing, can be harvested.
+    unit_j = max(largest_harvest_j, LEAST_J)
+    levels = [i * ladder.step * unit_j for i in range(ladder.num_steps + 1)]
+    while levels[-1] < ladder.top * unit_j:
         levels.append(levels[-1] * ladder.wider_by)
     return np.array([*levels, np.inf])
 
@@ -141,7 +145,7 @@ def _stored_rule(
     left_j = np.maximum(np.where(sends_j, levels_j - uplink_j, 0.0), np.maximum(surplus_j, 0.0))
     deliver = np.where(pays | sends_j, _level(levels_j, left_j), -1)
     # A level holds an energy that cannot deliver if the level below it, or 0, cannot.
-    below_j = np.concatenate([[0.0], levels_j[:-1]]) - tolerance_j
+    below_j = np.maximum(np.concatenate([[0.0], levels_j[:-1]]) - tolerance_j, 0.0)
     below_pays = ~np.isnan(_smallest_beta(world, below_j, harvested_w, power_per_snr_w))
     can_fail = ~below_pays & (below_j <= uplink_j)
     charge = np.where(can_fail, _level(levels_j, levels_j + harvest_j), -1)
@@ -173,7 +177,7 @@ def _paper_rule(
     stays = np.broadcast_to(np.arange(len(levels_j)), has_root.shape)
     paid = _paid(levels_j, levels_j, uplink_j, tolerance_j)
     deliver = np.where(has_root, stays, np.where(paid < len(levels_j), paid, -1))
-    below_j = np.concatenate([[0.0], levels_j[:-1]]) - tolerance_j
+    below_j = np.maximum(np.concatenate([[0.0], levels_j[:-1]]) - tolerance_j, 0.0)
     can_fail = ~has_root & (below_j <= uplink_j)
     charge = np.where(can_fail, _level(levels_j, levels_j + harvest_j), -1)
     return _with_disposal(deliver, charge)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.bounds.energy import COARSE, Ladder, Tables, ladder_j, make_tables, tolerance_j
-from iout_marl.scenario import RandomNodes, Scenario
+from iout_marl.scenario import Scenario
 from iout_marl.world import World, node_codes
 
 Floats = npt.NDArray[np.float64]
@@ -40,7 +40,7 @@ class Field:
 
     @classmethod
     def of(cls, scenario: Scenario, ladder: Ladder = COARSE) -> Field:
-        """The game of a scenario that `is_covered`, with energies on that ladder."""
+        """The game of a scenario that `check_game.is_covered`, with energies on that ladder."""
         world = World(scenario)
         cells = world.grid.encode(world.grid.all_coordinates())
         index = np.zeros(world.grid.num_codes, dtype=np.int64)
@@ -62,8 +62,3 @@ class Field:
     def num_levels(self) -> int:
         """Levels of stored energy."""
         return len(self.levels_j)
-
-
-def is_covered(scenario: Scenario) -> bool:
-    """Whether the bounds by energy and travel hold: one AUV, nodes that stay where they are."""
-    return scenario.num_auvs == 1 and not isinstance(scenario.nodes, RandomNodes)

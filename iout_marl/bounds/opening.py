@@ -9,12 +9,14 @@ the target.
 
 from __future__ import annotations
 
+import math
 import time
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.bounds.deadline import OutOfTime, check_time
 from iout_marl.bounds.field import Field
 from iout_marl.bounds.scheduling import least_remaining_ages
 
@@ -56,7 +58,9 @@ def first_layer(field: Field) -> Layer:
     )
 
 
-def next_layer(field: Field, layer: Layer, slot: int, target: int) -> Layer:
+def next_layer(
+    field: Field, layer: Layer, slot: int, target: int, deadline: float = math.inf
+) -> Layer:
     """All states that one slot leads to and that may end below the target; some may be alike.
 
     Args:
@@ -64,6 +68,10 @@ def next_layer(field: Field, layer: Layer, slot: int, target: int) -> Layer:
         layer: the states before the slot.
         slot: the slot, from 0.
         target: a sum of ages.
+        deadline: when to give up, by `time.monotonic`.
+
+    Raises:
+        OutOfTime: it has come.
     """
     cells = field.next_cells[layer.cell]
     pairs = np.unique(np.arange(len(cells))[:, None] * len(field.next_cells) + cells)
@@ -72,6 +80,7 @@ def next_layer(field: Field, layer: Layer, slot: int, target: int) -> Layer:
     parts = []
     best = field.tables.both if field.tables.both is not None else field.tables.deliver
     for heard in (None, *range(field.scenario.num_nodes)):
+        check_time(deadline)
         able = before
         if heard is not None:
             able = able.at(best[heard, able.cell, able.levels[:, heard]] < field.num_levels)
@@ -114,16 +123,18 @@ def _least(field: Field, total: Integers, ages: Integers, slots_over: int) -> In
     return total + least_remaining_ages(ages, left, scenario.age.maximum, 1)
 
 
-def without_worse(layer: Layer) -> Layer:
+def without_worse(layer: Layer, deadline: float = math.inf) -> Layer:
     """The states, without some for which another is at least as good.
 
     A state is no better than one in the same cell with the same ages, no more ages so far
-    and no less energy anywhere.
+    and no less energy anywhere. At the deadline, by `time.monotonic`, the others are left in.
     """
     keys = np.concatenate([layer.cell[:, None], layer.ages], axis=1)
     group = keys @ np.random.default_rng(0).integers(1, 2**40, keys.shape[1])
     layer = layer.at(np.lexsort((-layer.levels.sum(axis=1), layer.total, group)))
     for stride in STRIDES:
+        if time.monotonic() > deadline:
+            break
         better, worse = layer.at(slice(None, -stride)), layer.at(slice(stride, None))
         near = np.flatnonzero(better.total <= worse.total)
         better, worse = better.at(near), worse.at(near)
@@ -145,7 +156,7 @@ def search(field: Field, proven: int, best_known: int, seconds: float) -> int:
         field: the game.
         proven: a sum of ages that is a bound already, such as `least_age_sum`.
         best_known: a sum of ages that some policy reaches: no bound is higher.
-        seconds: time to spend, about.
+        seconds: time to spend; a step that has begun takes up to a second more.
 
     Returns:
         the bound: a sum of ages over nodes and slots.
@@ -166,12 +177,15 @@ def _reached(field: Field, target: int, deadline: float) -> int:
     """The target, or what is left of it when layers grow too wide or time is over."""
     layer = first_layer(field)
     for slot in range(field.scenario.num_slots):
-        layer = without_worse(next_layer(field, layer, slot, target))
+        try:
+            layer = next_layer(field, layer, slot, target, deadline)
+            check_time(deadline)
+        except OutOfTime:
+            break
+        layer = without_worse(layer, deadline)
         if len(layer.least) > WIDTH:
             target = min(target, int(np.partition(layer.least, WIDTH)[WIDTH]))
             layer = layer.at(layer.least < target)
         if len(layer.least) == 0:
             return target
-        if time.monotonic() > deadline:
-            break
-    return min(target, int(layer.least.min()))
+    return int(layer.least.min(initial=target))

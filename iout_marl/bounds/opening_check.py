@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.bounds.check_game import Game, Integers
+from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario
 
 #: Whole numbers of any size.
@@ -15,17 +16,36 @@ Rows = npt.NDArray[Any]
 #: By the node that delivers, if any: the ways to it, each as tables by which nodes' levels move.
 Outcomes = dict[int | None, list[list[tuple[int, Integers]]]]
 
+#: Sums of ages and cells are counted in 32 bits.
+MOST_COUNTED = 2**31 - 1
+#: Entries of 4 bytes that are worked on at once, and in the whole check. The certificates of
+#: four minutes' search take a quarter of the first and a tenth of the second.
+MOST_AT_ONCE, MOST_IN_ALL = 2**27, 2**32
+#: What a slot costs at least, in entries.
+SLOT_ENTRIES = 2**12
+
 
 def oldest_first(ages: Rows, num_slots: int, maximum: int, resets: int) -> Integers:
-    """Sums of ages if the oldest are reset in every slot, played out slot by slot."""
+    """Sums of ages if the oldest are reset in every slot, played out slot by slot.
+
+    Args:
+        ages: (rows, nodes) ages now, in slots.
+        num_slots: slots to come.
+        maximum: A_max in slots.
+        resets: nodes reset in a slot, 1 or more.
+    """
     total = np.zeros(len(ages), dtype=np.int64)
+    # (nodes, rows): the oldest last. Once reset it is the youngest, so that turns go round.
+    ages = np.ascontiguousarray(np.sort(ages, axis=1).T)
+    num_nodes = len(ages)
     for slot in range(num_slots):
-        ages = np.minimum(np.sort(ages, axis=1) + 1, maximum)
-        ages[:, -resets:] = 1
-        total += ages.sum(axis=1)
-        if slot >= ages.shape[1]:
-            # All nodes have been reset: from now on every row is the same.
-            ages = ages[:1]
+        np.minimum(ages + 1, maximum, out=ages)
+        for turn in range(slot * resets, slot * resets + min(resets, num_nodes)):
+            ages[-1 - turn % num_nodes] = 1
+        total += ages.sum(axis=0, dtype=np.int64)
+        if slot >= num_nodes:
+            # All nodes have been reset: from now on every row and every slot is the same.
+            return total + (num_slots - slot - 1) * ages[:, :1].sum(axis=0, dtype=np.int64)
     return total
 
 
@@ -33,20 +53,23 @@ def check_opening(scenario: Scenario, game: Game, target: int) -> None:
     """See that every way through the first slots comes to nothing below the target.
 
     Raises:
-        ValueError: some do not.
+        InputError: some do not, or there are too many.
     """
     num_nodes, maximum = scenario.num_nodes, scenario.age.maximum
     outcomes = _outcomes(game)
     dead = game.tables[0][0].shape[1]
-    if num_nodes * scenario.num_slots * maximum >= np.iinfo(np.int32).max:
-        raise ValueError("sums of ages may be too large for the check")
+    highest = num_nodes * scenario.num_slots * maximum
+    if max(highest, len(game.neighbours)) > MOST_COUNTED:
+        raise InputError("certificate: the scenario's ages are too many to be counted in 32 bits")
     # A row: cell, levels, ages, sum of ages.
     rows: Rows = np.array(
         [[game.start] + [0] * num_nodes + [scenario.age.initial] * num_nodes + [0]], dtype=np.int32
     )
+    budget = _Budget()
     for slot in range(scenario.num_slots):
+        budget.spend(rows.size * game.neighbours.shape[1])
         rows = _distinct(np.concatenate([_moved(rows, column) for column in game.neighbours.T]))
-        after = []
+        after: list[Rows] = []
         for heard, choices in outcomes.items():
             new = rows[_able(rows, heard, choices, dead)]
             ages = new[:, 1 + num_nodes : -1]
@@ -59,6 +82,7 @@ def check_opening(scenario: Scenario, game: Game, target: int) -> None:
                 ages, scenario.num_slots - slot - 1, maximum, resets=1
             )
             new = new[least < target]
+            budget.spend(new.size * len(choices), sum(rows.size for rows in after))
             for tables in choices:
                 chosen = new.copy()
                 for node, table in tables:
@@ -68,7 +92,29 @@ def check_opening(scenario: Scenario, game: Game, target: int) -> None:
         rows = _distinct(np.concatenate(after))
         if len(rows) == 0:
             return
-    raise ValueError(f"{len(rows)} ways through the episode may end below {target}")
+    raise InputError(
+        f"certificate: age_sum: {len(rows)} ways through the episode may end below {target}"
+    )
+
+
+class _Budget:
+    """Entries that the check may still look at."""
+
+    def __init__(self) -> None:
+        self._left = MOST_IN_ALL
+
+    def spend(self, entries: int, beside: int = 0) -> None:
+        """Take so many entries, which are kept beside others.
+
+        Raises:
+            InputError: there are not so many left.
+        """
+        self._left -= entries + SLOT_ENTRIES
+        if self._left < 0 or entries + beside > MOST_AT_ONCE:
+            raise InputError(
+                "certificate: age_sum: not proven, for there are more ways through the first slots "
+                "than the check lists"
+            )
 
 
 def _able(

@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario
 
 Integers = npt.NDArray[np.int64]
+
+#: A sum of ages of a whole episode is no more: it can be added up in 64 bits.
+MOST_AGE_SUM = 2**62
 
 
 def resets_per_slot(scenario: Scenario) -> int:
@@ -40,17 +44,29 @@ def least_remaining_ages(ages: Integers, num_slots: int, maximum: int, resets: i
     num_nodes = ages.shape[1]
     oldest_first = -np.sort(-ages, axis=1)
     total = np.zeros(len(ages), dtype=np.int64)
-    for slot in range(1, num_slots + 1):
+    since_reset = 0
+    for slot in range(1, min(num_slots, num_nodes) + 1):
         waiting = oldest_first[:, slot * resets :]
         total += np.minimum(waiting + slot, maximum).sum(axis=1)
         # The others were reset in turn, the last R of them in this slot.
         since = np.arange(num_nodes - waiting.shape[1]) // resets + 1
-        total += int(np.minimum(since, maximum).sum())
-    return total
+        since_reset = int(np.minimum(since, maximum).sum())
+        total += since_reset
+    # By then every node has been reset, and all further slots are alike.
+    return total + max(num_slots - num_nodes, 0) * since_reset
 
 
 def least_age_sum(scenario: Scenario) -> int:
-    """The least sum of ages over nodes and slots that any schedule of deliveries leads to."""
+    """The least sum of ages over nodes and slots that any schedule of deliveries leads to.
+
+    Raises:
+        InputError: it may be too large for 64 bits.
+    """
+    if scenario.num_nodes * scenario.num_slots * scenario.age.maximum > MOST_AGE_SUM:
+        raise InputError(
+            f"age.maximum: {scenario.num_slots:,} slots of so high ages cannot be added up in "
+            "64 bits"
+        )
     start = np.full((1, scenario.num_nodes), scenario.age.initial, dtype=np.int64)
     least = least_remaining_ages(
         start, scenario.num_slots, scenario.age.maximum, resets_per_slot(scenario)

@@ -11,12 +11,13 @@ programme over (slot, cell, level of energy, age).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.bounds.deadline import check_time
 from iout_marl.bounds.field import Field
 
 Floats = npt.NDArray[np.float64]
@@ -32,36 +33,6 @@ OLDEST_PER_NODE = 6
 MOST_STATES = 5 * 10**8
 #: No age.
 IMPOSSIBLE = np.float32(1e9)
-
-
-@dataclass(frozen=True)
-class Prices:
-    """p_t and μ_kt(x), as few numbers.
-
-    Between the `slots` listed prices run straight. μ_kt(x) is Σ_j w_kjt exp(−d_j(x)/reach),
-    where d_j(x) is the distance from x to node j.
-
-    Attributes:
-        slots: (times,) slots at which prices are given; the last is the last of the episode.
-        naming: (times,) p, in slots of age, from 0.
-        presence: (nodes, nodes, times) w_kj; over k they add up to 0.
-        reach_m: the reach in m.
-    """
-
-    slots: tuple[int, ...]
-    naming: Floats
-    presence: Floats
-    reach_m: float
-
-    def between(self) -> Floats:
-        """(slots, times) the weight of each listed slot in every slot."""
-        every = np.arange(self.slots[-1] + 1)
-        unit = np.eye(len(self.slots))
-        return np.stack([np.interp(every, self.slots, row) for row in unit], axis=1)
-
-    def nearness(self, distance_m: Floats) -> Floats:
-        """exp(−d_j(x)/reach) from (nodes, cells) distances."""
-        return np.exp(-distance_m / self.reach_m)
 
 
 class Wish(NamedTuple):
@@ -98,11 +69,16 @@ class Programme:
         # One more level, which stands for what cannot be.
         self._named = np.empty((cells, shape[1] + 1, shape[2]), dtype=np.float32)
 
-    def wish(self, node: int, naming: Floats, presence: Floats) -> Wish:
-        """The best for a node at prices of (slots,) and (slots, cells)."""
+    def wish(self, node: int, naming: Floats, presence: Floats, deadline: float = math.inf) -> Wish:
+        """The best for a node at prices of (slots,) and (slots, cells).
+
+        Raises:
+            OutOfTime: the deadline, by `time.monotonic`, has come.
+        """
         charge, deliver = (table[node] + self._row for table in self._field.tables[:2])
         payments = presence.astype(np.float32)
         for slot in range(len(naming) - 1, -1, -1):
+            check_time(deadline)
             for block in self._blocks:
                 self._after_move[block] = self._best(
                     self._value[slot + 1, block],
