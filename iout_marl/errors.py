@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import numbers
 from collections.abc import Iterable
+from typing import Any
 
 
 class InputError(ValueError):
@@ -15,6 +17,20 @@ class InputError(ValueError):
     def __init__(self, message: str) -> None:
         # Keys and values of the user's may hold line breaks.
         super().__init__("".join(c if c.isprintable() else repr(c)[1:-1] for c in message))
+
+
+def whole_number(name: str, value: Any, least: int, most: int) -> int:
+    """An argument as an int.
+
+    Raises:
+        InputError: it is no whole number from `least` to `most`; bools are none.
+    """
+    is_whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    if is_whole and least <= int(value) <= most:
+        return int(value)
+    text = repr(value)
+    text = text if len(text) <= 40 else f"{text[:37]}..."
+    raise InputError(f"{name} must be a whole number from {least} to {most:,}, not {text}")
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
