@@ -29,6 +29,7 @@ from iout_marl.scenario.sections import (
     Tdd,
     Uplink,
 )
+from iout_marl.scenario.starts import spread_starts
 
 #: Keys that came after hashes had been published, with the values that stand for how it was
 #: before: those leave the hash as it was.
@@ -193,6 +194,14 @@ class Scenario(Section):
                 ("auvs", "count"),
                 f"is {self.num_auvs}, but the grid has only {math.prod(self.grid.cells)} cells: "
                 "each AUV starts in one of its own",
+            )
+        separation = self.auvs.separation_cells
+        placed = len(spread_starts(starts, self.num_auvs, self.grid.cells, separation))
+        if placed < self.num_auvs:
+            raise invalid(
+                ("auvs", "count"),
+                f"is {self.num_auvs}, but only {placed} AUVs find room at "
+                f"auvs.separation_cells, {separation:g}",
             )
 
     def _check_uplink_band(self) -> None:

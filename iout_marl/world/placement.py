@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.errors import InputError
 from iout_marl.scenario import FixedNodes, RandomNodes, Scenario
+from iout_marl.scenario.starts import spread_starts
 from iout_marl.world.grid import Grid
 
 
@@ -36,26 +36,9 @@ def node_codes(
 
 
 def start_cells(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
-    """Coordinates from 0 of the cells in which the AUVs start, (auvs, 3).
-
-    Those that the scenario gives come first; each further one is the cell whose distance
-    from the nearest start before it is the largest, of equals the first in x, y and z.
-
-    Raises:
-        InputError: the grid has no room for so many at their separation.
-    """
-    given = scenario.auvs.start_cells[: scenario.num_auvs]
-    starts = [np.array(cell, dtype=np.int64) - 1 for cell in given]
-    cells = grid.all_coordinates()
-    while len(starts) < scenario.num_auvs:
-        squared = ((cells[:, None, :] - np.array(starts)) ** 2).sum(-1).min(-1)
-        if squared.max() < scenario.auvs.separation_cells**2:
-            raise InputError(
-                f"auvs.count: is {scenario.num_auvs}, but only {len(starts)} AUVs find room at "
-                f"auvs.separation_cells, {scenario.auvs.separation_cells:g}"
-            )
-        starts.append(cells[int(squared.argmax())])
-    return np.array(starts)
+    """Coordinates from 0 of the cells in which the AUVs start, (auvs, 3): see `spread_starts`."""
+    auvs = scenario.auvs
+    return spread_starts(auvs.start_cells, scenario.num_auvs, grid.shape, auvs.separation_cells)
 
 
 def redraws_every_episode(scenario: Scenario) -> bool:
