@@ -22,7 +22,7 @@ from iout_marl.policies import (
     make_baseline,
 )
 from iout_marl.scenario import Scenario, load_scenario
-from iout_marl.whole import MAX_SEED, short, whole_number
+from iout_marl.whole import MAX_SEED, short, whole_argument
 from iout_marl.world import Events, State, World, has_chance, node_codes, pin_layout
 from iout_marl.world.actions import ActionCheck
 
@@ -165,8 +165,8 @@ def evaluate(
             scenario whose numbers grow beyond all bounds.
         TypeError: the policy is none.
     """
-    episodes = _whole(episodes, "episodes", 1, MAX_EPISODES)
-    seed = _whole(seed, "seed", 0, MAX_SEED)
+    episodes = whole_argument("episodes", episodes, 1, MAX_EPISODES)
+    seed = whole_argument("seed", seed, 0, MAX_SEED)
     scenario = pin_layout(load_scenario(scenario), seed)
     player = _as_policy(policy)
     deterministic = is_deterministic(player) and not has_chance(scenario)
@@ -231,13 +231,6 @@ def play(world: World, policy: Policy, seed: int = 0) -> Iterator[tuple[State, E
 def _unbounded() -> np.errstate:
     """Numbers may grow beyond all bounds: what comes of it is looked at in the end."""
     return np.errstate(over="ignore", invalid="ignore")
-
-
-def _whole(value: Any, name: str, least: int, most: int) -> int:
-    try:
-        return whole_number(value, least, most)
-    except ValueError as error:
-        raise InputError(f"{name} {error}") from None
 
 
 def _as_policy(policy: str | Policy | Callable[[Any], Any]) -> Policy:

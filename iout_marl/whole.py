@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from iout_marl.errors import InputError
+
 #: Seeds of torch have 64 bits.
 MAX_SEED = 2**64 - 1
 
@@ -32,6 +34,18 @@ def whole_number(value: Any, least: int, most: int) -> int:
     if value % 1:
         raise ValueError(f"must be a whole number, not {short(value)}")
     return int(value)
+
+
+def whole_argument(name: str, value: Any, least: int, most: int) -> int:
+    """`whole_number` for an argument of this name.
+
+    Raises:
+        InputError: it is not whole, or out of range.
+    """
+    try:
+        return whole_number(value, least, most)
+    except ValueError as error:
+        raise InputError(f"{name} {error}") from None
 
 
 def short(value: Any) -> str:

@@ -260,7 +260,9 @@ class Oracle:
             pairs = zip(self.auv_cells[auv], STEPS[direction], strict=True)
             target = tuple(c + step for c, step in pairs)
             inside = all(1 <= c <= n for c, n in zip(target, self.scenario.grid.cells, strict=True))
-            self.events[auv].left_grid = not inside
+            # In a grid of one cell every direction stays.
+            nowhere_to_go = tuple(self.scenario.grid.cells) == (1, 1, 1)
+            self.events[auv].left_grid = not (inside or nowhere_to_go)
             targets.append(target if inside else self.auv_cells[auv])
         while stopped := self.collisions(targets):
             for auv in stopped:

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-from iout_marl.physics.arrays import Array, ArrayLike, as_arrays, require
+from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
+from iout_marl.physics.formula import (
+    DEPTH_M,
+    FREQUENCY_KHZ,
+    TEMPERATURE_C,
+    Domain,
+    formula,
+    within,
+)
 
 
+@formula(frequency_khz=FREQUENCY_KHZ)
 def thorp_absorption_db_per_km(frequency_khz: ArrayLike) -> Array:
     """Absorption by Thorp's formula (paper's eq. `alpha(f)`).
 
@@ -12,20 +21,26 @@ def thorp_absorption_db_per_km(frequency_khz: ArrayLike) -> Array:
     frequencies above a few hundred Hz.
 
     Args:
-        frequency_khz: frequency in kHz, any shape, above 0.
+        frequency_khz: frequency in kHz, above 0 and at most 10,000, of any shape.
 
     Returns:
         α in dB/km, in the shape of `frequency_khz`.
 
     Raises:
-        ValueError: a frequency is not above 0.
+        InputError: a frequency is another one.
     """
     _, f = as_arrays(frequency_khz)
-    require(f > 0, "frequency_khz must be above 0")
     f2 = f**2
     return 0.11 * f2 / (f2 + 1) + 44 * f2 / (f2 + 4100) + 2.75e-4 * f2 + 0.003
 
 
+@formula(
+    frequency_khz=FREQUENCY_KHZ,
+    temperature_c=TEMPERATURE_C,
+    salinity_psu=Domain("be above 0 and at most 50 (PSU)", lambda x, _: (x > 0) & (x <= 50)),
+    depth_m=DEPTH_M,
+    ph=within(6, 9),
+)
 def francois_garrison_absorption_db_per_km(
     frequency_khz: ArrayLike,
     temperature_c: ArrayLike = 10.0,
@@ -40,22 +55,19 @@ def francois_garrison_absorption_db_per_km(
     0.2 to 1000 kHz, −2 to 30 °C, 30 to 35 PSU and down to 3.5 km.
 
     Args:
-        frequency_khz: frequency in kHz, above 0.
-        temperature_c: water temperature in °C.
-        salinity_psu: practical salinity, above 0.
-        depth_m: depth in m, not negative.
-        ph: acidity.
+        frequency_khz: frequency in kHz, above 0 and at most 10,000.
+        temperature_c: water temperature, −2 to 40 °C.
+        salinity_psu: practical salinity, above 0 and at most 50.
+        depth_m: depth, 0 to 11,000 m.
+        ph: acidity, 6 to 9.
 
     Returns:
         α in dB/km, in the broadcast shape of the arguments.
 
     Raises:
-        ValueError: a frequency or a salinity is not above 0, or a depth is negative.
+        InputError: an argument lies outside its range.
     """
     xp, f, t, s, z, ph = as_arrays(frequency_khz, temperature_c, salinity_psu, depth_m, ph)
-    require(f > 0, "frequency_khz must be above 0")
-    require(s > 0, "salinity_psu must be above 0")
-    require(z >= 0, "depth_m must not be negative")
     f2 = f**2
     sound_speed = 1412 + 3.21 * t + 1.19 * s + 0.0167 * z  # their own fit, not Mackenzie's
 

@@ -43,12 +43,6 @@ def as_arrays(*values: ArrayLike) -> tuple[Any, ...]:
     return (xp, *map(as_array, values))
 
 
-def require(condition: Array, message: str) -> None:
-    """Raise ValueError with `message` unless every element of `condition` is true."""
-    if not bool(array_api_compat.array_namespace(condition).all(condition)):
-        raise ValueError(message)
-
-
 def adds_at_indices(xp: Any) -> bool:
     """Whether `add_at` works: the standard itself has nothing of the kind."""
     return xp is np or hasattr(xp, "index_add")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from iout_marl.physics.arrays import Array, ArrayLike, as_arrays, require
+from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
+from iout_marl.physics.formula import COUNT, EFFICIENCY, NOT_NEGATIVE, POSITIVE, REAL, formula
 
 
+@formula(received_level_db=REAL, sensitivity_db=REAL)
 def induced_voltage_v(received_level_db: ArrayLike, sensitivity_db: ArrayLike) -> Array:
     """Voltage at the open hydrophone, V_ind = p·M = 10^((RL + RVS)/20) (eq. `v ind`).
 
@@ -20,20 +22,31 @@ def induced_voltage_v(received_level_db: ArrayLike, sensitivity_db: ArrayLike) -
     return 10 ** ((rl + rvs) / 20)
 
 
+@formula(voltage_v=NOT_NEGATIVE, load_resistance_ohm=POSITIVE)
 def available_power_w(voltage_v: ArrayLike, load_resistance_ohm: ArrayLike) -> Array:
     """Power into a matched load, P_available = V_ind²/(4 R_p) (eq. `p available`).
+
+    Args:
+        voltage_v: V_ind in V, its effective value: not negative.
+        load_resistance_ohm: R_p in Ω, above 0.
 
     Returns:
         power in W, in the broadcast shape of the arguments.
 
     Raises:
-        ValueError: a resistance is not above 0.
+        InputError: an argument lies outside its range.
     """
     _, voltage, resistance = as_arrays(voltage_v, load_resistance_ohm)
-    require(resistance > 0, "load_resistance_ohm must be above 0")
     return voltage**2 / (4 * resistance)
 
 
+@formula(
+    received_level_db=REAL,
+    sensitivity_db=REAL,
+    load_resistance_ohm=POSITIVE,
+    efficiency=EFFICIENCY,
+    hydrophones=COUNT,
+)
 def harvested_power_w(
     received_level_db: ArrayLike,
     sensitivity_db: ArrayLike,
@@ -47,23 +60,28 @@ def harvested_power_w(
         received_level_db: RL in dB re 1 µPa.
         sensitivity_db: RVS in dB re 1 V/µPa.
         load_resistance_ohm: R_p in Ω, above 0.
-        efficiency: acoustic-electric efficiency η.
-        hydrophones: number n of hydrophones; the paper's equation is for one.
+        efficiency: acoustic-electric efficiency η, above 0 and at most 1.
+        hydrophones: number n of hydrophones, 1 or more; the paper's equation is for one.
 
     Returns:
         power in W, in the broadcast shape of the arguments.
 
     Raises:
-        ValueError: a resistance is not above 0.
+        InputError: an argument lies outside its range.
     """
-    voltage = induced_voltage_v(received_level_db, sensitivity_db)
+    voltage = induced_voltage_v.unchecked(received_level_db, sensitivity_db)
     _, available, eta, n = as_arrays(
-        available_power_w(voltage, load_resistance_ohm), efficiency, hydrophones
+        available_power_w.unchecked(voltage, load_resistance_ohm), efficiency, hydrophones
     )
     return n * eta * available
 
 
+@formula(power_w=NOT_NEGATIVE, charging_s=NOT_NEGATIVE)
 def harvested_energy_j(power_w: ArrayLike, charging_s: ArrayLike) -> Array:
-    """Energy harvested, E_harv = P_harv·τ_charging (eq. `E harvested`), in J."""
+    """Energy harvested, E_harv = P_harv·τ_charging (eq. `E harvested`), in J.
+
+    Raises:
+        InputError: a power or a duration is negative.
+    """
     _, power, duration = as_arrays(power_w, charging_s)
     return power * duration

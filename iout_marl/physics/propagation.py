@@ -10,21 +10,24 @@ Two forms of the loss are in use (the reproduction of the paper needs the first)
 
 from __future__ import annotations
 
-from iout_marl.physics.arrays import Array, ArrayLike, as_arrays, require
+from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
+from iout_marl.physics.formula import EFFICIENCY, NOT_NEGATIVE, POSITIVE, REAL, formula, within
 
 #: Level of 1 W of acoustic power, 1 m from an omnidirectional source, in dB re 1 µPa.
 REFERENCE_LEVEL_DB = 170.8
+#: Spreading factors k_s: none in a duct, 1 cylindrical, 2 spherical, more over a lossy bottom.
+SPREADING = within(0, 4)
 
 
 def _loss_db(
     distance_m: ArrayLike, absorption_db_per_km: ArrayLike, spreading_db_per_decade: ArrayLike
 ) -> Array:
     xp, d, alpha, spreading = as_arrays(distance_m, absorption_db_per_km, spreading_db_per_decade)
-    require(d >= 0, "distance_m must not be negative")
     # Levels are referred to 1 m: nearer than that nothing spreads.
     return spreading * xp.log10(xp.where(d > 1, d, xp.ones_like(d))) + alpha * d / 1000
 
 
+@formula(distance_m=NOT_NEGATIVE, absorption_db_per_km=NOT_NEGATIVE, spreading_factor=SPREADING)
 def table_attenuation_db(
     distance_m: ArrayLike, absorption_db_per_km: ArrayLike, spreading_factor: ArrayLike = 1.5
 ) -> Array:
@@ -35,18 +38,19 @@ def table_attenuation_db(
 
     Args:
         distance_m: distance d in m, not negative; no spreading below 1 m.
-        absorption_db_per_km: absorption α = κ₄ in dB/km.
-        spreading_factor: k_s, 1 (cylindrical) to 2 (spherical).
+        absorption_db_per_km: absorption α = κ₄ in dB/km, not negative.
+        spreading_factor: k_s, 1 (cylindrical) to 2 (spherical), at most 4.
 
     Returns:
         AL in dB, in the broadcast shape of the arguments.
 
     Raises:
-        ValueError: a distance is negative.
+        InputError: an argument lies outside its range.
     """
     return _loss_db(distance_m, absorption_db_per_km, spreading_factor)
 
 
+@formula(distance_m=NOT_NEGATIVE, absorption_db_per_km=NOT_NEGATIVE, spreading_factor=SPREADING)
 def transmission_loss_db(
     distance_m: ArrayLike, absorption_db_per_km: ArrayLike, spreading_factor: ArrayLike = 1.5
 ) -> Array:
@@ -57,9 +61,11 @@ def transmission_loss_db(
     Returns:
         TL in dB re 1 m, in the broadcast shape of the arguments.
     """
-    return _loss_db(distance_m, absorption_db_per_km, 10 * spreading_factor)
+    _, d, alpha, spreading = as_arrays(distance_m, absorption_db_per_km, spreading_factor)
+    return _loss_db(d, alpha, 10 * spreading)
 
 
+@formula(electrical_power_w=POSITIVE, efficiency=EFFICIENCY, directivity_index_db=REAL)
 def source_level_db(
     electrical_power_w: ArrayLike, efficiency: ArrayLike, directivity_index_db: ArrayLike = 0.0
 ) -> Array:
@@ -67,21 +73,20 @@ def source_level_db(
 
     Args:
         electrical_power_w: electrical input power P_elec in W, above 0.
-        efficiency: electro-acoustic efficiency η, above 0.
+        efficiency: electro-acoustic efficiency η, above 0 and at most 1.
         directivity_index_db: DI in dB.
 
     Returns:
         SL in dB re 1 µPa at 1 m, in the broadcast shape of the arguments.
 
     Raises:
-        ValueError: a power or an efficiency is not above 0.
+        InputError: an argument lies outside its range.
     """
     xp, power, eta, di = as_arrays(electrical_power_w, efficiency, directivity_index_db)
-    require(power > 0, "electrical_power_w must be above 0")
-    require(eta > 0, "efficiency must be above 0")
     return REFERENCE_LEVEL_DB + 10 * xp.log10(power) + 10 * xp.log10(eta) + di
 
 
+@formula(source_level_db=REAL, efficiency=EFFICIENCY, directivity_index_db=REAL)
 def electrical_power_w(
     source_level_db: ArrayLike, efficiency: ArrayLike, directivity_index_db: ArrayLike = 0.0
 ) -> Array:
@@ -89,20 +94,20 @@ def electrical_power_w(
 
     Args:
         source_level_db: SL in dB re 1 µPa at 1 m.
-        efficiency: electro-acoustic efficiency η, above 0.
+        efficiency: electro-acoustic efficiency η, above 0 and at most 1.
         directivity_index_db: DI in dB.
 
     Returns:
         P_elec in W, in the broadcast shape of the arguments.
 
     Raises:
-        ValueError: an efficiency is not above 0.
+        InputError: an argument lies outside its range.
     """
     _, level, eta, di = as_arrays(source_level_db, efficiency, directivity_index_db)
-    require(eta > 0, "efficiency must be above 0")
     return 10 ** ((level - REFERENCE_LEVEL_DB - di) / 10) / eta
 
 
+@formula(source_level_db=REAL, attenuation_db=REAL, noise_level_db=REAL)
 def received_level_db(
     source_level_db: ArrayLike, attenuation_db: ArrayLike, noise_level_db: ArrayLike = 0.0
 ) -> Array:

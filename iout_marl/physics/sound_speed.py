@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from iout_marl.physics.arrays import Array, ArrayLike, as_arrays, require
+from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
+from iout_marl.physics.formula import DEPTH_M, TEMPERATURE_C, formula, within
 
 
+@formula(temperature_c=TEMPERATURE_C, salinity_psu=within(0, 50, " (PSU)"), depth_m=DEPTH_M)
 def mackenzie_sound_speed_m_per_s(
     temperature_c: ArrayLike, salinity_psu: ArrayLike, depth_m: ArrayLike
 ) -> Array:
@@ -15,18 +17,17 @@ def mackenzie_sound_speed_m_per_s(
     and down to 8 km.
 
     Args:
-        temperature_c: water temperature in °C.
-        salinity_psu: practical salinity.
-        depth_m: depth in m, not negative.
+        temperature_c: water temperature, −2 to 40 °C.
+        salinity_psu: practical salinity, 0 to 50.
+        depth_m: depth, 0 to 11,000 m.
 
     Returns:
         sound speed in m/s, in the broadcast shape of the arguments.
 
     Raises:
-        ValueError: a depth is negative.
+        InputError: an argument lies outside its range.
     """
     _, t, s, z = as_arrays(temperature_c, salinity_psu, depth_m)
-    require(z >= 0, "depth_m must not be negative")
     s = s - 35
     return (
         1448.96

@@ -10,11 +10,14 @@ import numpy.typing as npt
 
 from iout_marl.scenario import Tdd
 from iout_marl.world import State, World
+from iout_marl.world.limits import DEAREST_J, UPLINK_W, bounded, unheard
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 #: Taken off the worth of what is of no use: beyond any age.
 _BETTER_NOT = 1e9
+#: Stands for no harvest at all where it divides.
+_LEAST_J = 1e-250
 
 
 class Links(NamedTuple):
@@ -33,7 +36,7 @@ def links(world: World, cell: Integers, state: State) -> Links:
     harvested_j = link.at(link.harvested_w, offset) * link.slot_s
     required_j = link.at(link.slot_uplink_j, offset)
     missing_j = np.maximum(required_j - state.energy_j[:, None, :], 0)
-    missing_slots = missing_j / np.maximum(harvested_j, np.finfo(np.float64).tiny)
+    missing_slots = missing_j / np.maximum(harvested_j, _LEAST_J)
     return Links(offset, harvested_j, required_j, missing_slots)
 
 
@@ -41,7 +44,8 @@ def near_uplink_j(world: World) -> float:
     """The energy of an uplink from the next cell: what makes a store much or little."""
     channel = world.link.channel
     power_per_snr_w = channel.power_per_snr_w(world.scenario.grid.spacing_m)
-    return float(channel.required_energy_j(power_per_snr_w, world.link.slot_s))
+    uplink_j = unheard(channel.required_energy_j)(power_per_snr_w, world.link.slot_s)
+    return float(bounded(uplink_j, UPLINK_W[0], DEAREST_J))
 
 
 def choose(world: World, state: State, cell: Integers, hastes: tuple[float, ...]) -> Integers:

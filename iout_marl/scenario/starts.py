@@ -1,33 +1,51 @@
-"""Where AUVs start that a scenario counts, but gives no cell."""
+"""Where AUVs start that a scenario does not place itself."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 
 def spread_starts(
-    given: tuple[tuple[int, int, int], ...],
-    count: int,
-    grid: tuple[int, int, int],
+    given: Sequence[Sequence[int]],
+    num_auvs: int,
+    grid_cells: tuple[int, int, int],
     separation_cells: float,
 ) -> npt.NDArray[np.int64]:
-    """Cells in which AUVs start, counted from 0, (auvs, 3): fewer where there is no more room.
+    """Coordinates from 0 of the cells in which the AUVs start.
 
-    Those given come first; each further one is the cell whose distance from the nearest
-    start before it is the largest, of equals the first in x, y and z.
+    Those given come first; each further one is the cell whose distance from the nearest start
+    before it is the largest, of equals the first in x, y and z.
 
     Args:
-        given: cells of the first AUVs, counted from 1.
-        count: number of AUVs.
-        grid: cells of the grid along x, y and z.
-        separation_cells: the distance that any two keep.
+        given: cells counted from 1, as many as there are AUVs or fewer, at least one.
+        num_auvs: M.
+        grid_cells: cells along x, y and z.
+        separation_cells: distance that starts must keep.
+
+    Returns:
+        (auvs, 3); fewer where no further AUV finds room at that separation.
     """
-    starts = [np.array(cell, dtype=np.int64) - 1 for cell in given[:count]]
-    if len(starts) < count:
-        cells = np.stack(np.unravel_index(np.arange(np.prod(grid)), grid), axis=-1)
-        squared = np.min([((cells - start) ** 2).sum(-1) for start in starts], axis=0)
-        while len(starts) < count and squared.max() >= max(separation_cells**2, 1):
-            starts.append(cells[int(squared.argmax())])
-            squared = np.minimum(squared, ((cells - starts[-1]) ** 2).sum(-1))
+    starts = [np.array(cell, dtype=np.int64) - 1 for cell in given[:num_auvs]]
+    if len(starts) == num_auvs:
+        return np.array(starts)
+    axes = np.ogrid[tuple(slice(n) for n in grid_cells)]
+
+    def squared_from(start: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        x, y, z = ((axis - at) ** 2 for axis, at in zip(axes, start, strict=True))
+        squared: npt.NDArray[np.int64] = x + y + z
+        return squared
+
+    nearest = squared_from(starts[0])
+    for start in starts[1:]:
+        np.minimum(nearest, squared_from(start), out=nearest)
+    while len(starts) < num_auvs:
+        farthest = int(nearest.argmax())
+        # No two in one cell, even where nothing else keeps them apart.
+        if nearest.flat[farthest] < max(separation_cells**2, 1):
+            break
+        starts.append(np.array(np.unravel_index(farthest, grid_cells), dtype=np.int64))
+        np.minimum(nearest, squared_from(starts[-1]), out=nearest)
     return np.array(starts)

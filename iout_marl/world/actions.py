@@ -1,27 +1,78 @@
-"""Actions from outside: checked before the world takes them."""
+"""Actions and layouts from outside: checked before the world takes them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
+import array_api_compat
 import numpy as np
 import numpy.typing as npt
+
+from iout_marl.errors import InputError
+from iout_marl.world.grid import Grid
 
 
 def integers(action: Any, what: str = "an action") -> npt.NDArray[Any]:
     """An action as an array of integers.
 
     Raises:
-        ValueError: it is of something else, or ragged.
+        InputError: it is of something else, or ragged.
     """
     try:
-        values = np.asarray(action)
-    except ValueError:
-        values = np.asarray(action, dtype=object)
+        values = np.asarray(_on_host(action))
+    # Of what is ragged, and of lists of arrays of other libraries, NumPy makes nothing.
+    except (ValueError, TypeError, RuntimeError):
+        values = np.empty(0, dtype=object)
     if values.dtype.kind not in "iu":
-        raise ValueError(f"{what} must be integers, as many for every AUV, not {action!r}")
+        text = " ".join(repr(action).split())
+        text = text if len(text) <= 80 else f"{text[:77]}..."
+        raise InputError(f"{what} must be integers, as many for every AUV, not {text}")
     return values
+
+
+def _on_host(values: Any) -> Any:
+    """A tensor where NumPy can read it; anything else as it is."""
+    return values.detach().cpu() if array_api_compat.is_torch_array(values) else values
+
+
+def is_on_accelerator(values: Any) -> bool:
+    """Whether an accelerator would have to stop for one to look at them."""
+    return array_api_compat.is_torch_array(values) and values.device.type != "cpu"
+
+
+class LayoutCheck:
+    """Takes the layouts of a batch as the world takes them: codes of cells of the grid.
+
+    Args:
+        shape: (envs, nodes).
+        grid: the grid.
+    """
+
+    def __init__(self, shape: tuple[int, int], grid: Grid) -> None:
+        self._shape = shape
+        self._is_cell = np.zeros(grid.num_codes, dtype=np.bool_)
+        self._is_cell[grid.encode(grid.all_coordinates())] = True
+
+    def __call__(self, node_cell: Any) -> None:
+        """Look at a layout.
+
+        Raises:
+            InputError: it is not (envs, nodes) codes of cells.
+        """
+        codes = integers(node_cell, "node_cell")
+        if codes.shape != self._shape:
+            raise InputError(
+                f"node_cell must be the codes of the nodes' cells, (envs, nodes): "
+                f"of shape {self._shape}, not {codes.shape}"
+            )
+        inside = (codes >= 0) & (codes < len(self._is_cell))
+        inside &= self._is_cell[np.where(inside, codes, 0)]
+        if not inside.all():
+            raise InputError(
+                f"node_cell: {codes[~inside][0]} is the code of no cell of the grid; "
+                "`Grid.encode` gives codes, `node_codes` those of a scenario's nodes"
+            )
 
 
 class ActionCheck:
@@ -44,11 +95,11 @@ class ActionCheck:
         """The (envs, auvs, entries) integers.
 
         Raises:
-            ValueError: the shape is another one, or an entry is not below its size.
+            InputError: the shape is another one, or an entry is not below its size.
         """
         values = integers(action)
         if values.shape != self._shape:
-            raise ValueError(
+            raise InputError(
                 f"an action must have {len(self._sizes)} entries, below {self._sizes}: "
                 f"expected an array of shape {self._shape}, not {values.shape}"
             )
@@ -57,7 +108,7 @@ class ActionCheck:
         inside = taken.view(np.uint64) < self._ends
         if not inside.all():
             worst = values[~inside.all(-1)][0]
-            raise ValueError(
+            raise InputError(
                 f"action {worst.tolist()} lies outside MultiDiscrete({list(self._sizes)}): "
                 "each entry counts from 0 and stays below its size"
             )

@@ -8,6 +8,7 @@ from iout_marl import physics
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Fdd, Scenario, Tdd
 from iout_marl.world.backend import Backend
+from iout_marl.world.limits import DEAREST_J, bounded, unheard, unheard_on_numpy
 from iout_marl.world.link import Link
 
 
@@ -111,14 +112,16 @@ class PaperRule(TimeDivision):
     Where there is no root, 0 if the stored energy pays the uplink, else 1.
     """
 
+    @unheard
     def __init__(self, duplex: Tdd, scenario: Scenario, link: Link, backend: Backend) -> None:
         super().__init__(duplex, scenario, link, backend)
         xp = backend.xp
-        root = physics.beta_star(link.harvested_w, link.power_per_snr_w, *self.interval)
+        root = physics.beta_star.unchecked(link.harvested_w, link.power_per_snr_w, *self.interval)
         self._has_root = ~xp.isnan(root)
         #: β and the energy of its uplink by offset; 1, charging only, without a root.
         self._beta_star = xp.where(self._has_root, root, self._one)
-        self._star_uplink_j = self._required_j(link.power_per_snr_w, self._beta_star)
+        star_uplink_j = self._required_j(link.power_per_snr_w, self._beta_star)
+        self._star_uplink_j = bounded(star_uplink_j, 0.0, DEAREST_J)
 
     def split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
         xp, link = self._xp, self._link
@@ -137,11 +140,21 @@ class PaperRule(TimeDivision):
 class StoredRule(TimeDivision):
     """The smallest β of {0} ∪ [β_min, β_max] for which stored and harvested energy pay, else 1."""
 
+    def __init__(self, duplex: Tdd, scenario: Scenario, link: Link, backend: Backend) -> None:
+        super().__init__(duplex, scenario, link, backend)
+        # What overflows is out of reach: no β pays it, or nothing is sent.
+        self._by_store = unheard_on_numpy(backend.xp, self._split)
+
     def split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
+        return self._by_store(charging_offset, uplink_offset, stored_j)
+
+    def _split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
         xp, link = self._xp, self._link
         power_per_snr_w = link.at(link.power_per_snr_w, uplink_offset)
         harvested_w = link.at(link.harvested_w, charging_offset)
-        beta = physics.smallest_beta(stored_j, harvested_w, power_per_snr_w, *self.interval)
+        beta = physics.smallest_beta.unchecked(
+            stored_j, harvested_w, power_per_snr_w, *self.interval
+        )
         beta = xp.where(xp.isnan(beta), self._one, beta)
         only_sends = stored_j > link.at(link.slot_uplink_j, uplink_offset)
         beta = xp.where(only_sends, self._zero, beta)

@@ -7,6 +7,7 @@ from iout_marl.scenario import Scenario
 from iout_marl.world.backend import Backend
 from iout_marl.world.channel import Channel
 from iout_marl.world.grid import Grid
+from iout_marl.world.limits import DEAREST_J, FARTHEST_M, bounded, check_link, unheard
 
 
 class Link:
@@ -18,21 +19,28 @@ class Link:
         distance_m, harvested_w, power_per_snr_w, slot_uplink_j: by offset: the distance,
             the power harvested, the transmit power per unit of SNR, and the energy of
             an uplink over a whole slot; (offsets,) each.
+
+    Raises:
+        InputError: they are no numbers, or larger than numbers are here.
     """
 
+    @unheard
     def __init__(self, scenario: Scenario, grid: Grid, backend: Backend) -> None:
         self.channel = Channel(scenario)
         self.slot_s = scenario.slot_s
         self._xp = backend.xp
         self._origin = backend.integers(grid.offset_origin)
-        distance_m = grid.offset_distances() * scenario.grid.spacing_m
+        distance_m = bounded(grid.offset_distances() * scenario.grid.spacing_m, 0.0, FARTHEST_M)
+        harvested_w = self.channel.harvested_power_w(distance_m)
         power_per_snr_w = self.channel.power_per_snr_w(distance_m)
+        uplink_j = self.channel.required_energy_j(power_per_snr_w, self.slot_s)
+        uplink_j = bounded(uplink_j, 0.0, DEAREST_J)
+        powers = {"power of an uplink": power_per_snr_w, "energy of an uplink": uplink_j}
+        check_link(scenario, float(harvested_w.max()), powers)
         self.distance_m = backend.floats(distance_m)
-        self.harvested_w = backend.floats(self.channel.harvested_power_w(distance_m))
+        self.harvested_w = backend.floats(harvested_w)
         self.power_per_snr_w = backend.floats(power_per_snr_w)
-        self.slot_uplink_j = backend.floats(
-            self.channel.required_energy_j(power_per_snr_w, self.slot_s)
-        )
+        self.slot_uplink_j = backend.floats(uplink_j)
 
     def offset(self, cell: Array, node_cell: Array) -> Array:
         """Index into the tables for cells and nodes' cells of the same (broadcast) shape."""

@@ -21,6 +21,8 @@ DIRECTIONS: dict[str, tuple[tuple[int, int, int], ...]] = {
 class Motion:
     """Moves AUVs from cell to cell.
 
+    In a grid of one cell there is nowhere to go: every direction stays, and none leaves the grid.
+
     Args:
         grid: the grid.
         kind: name of a motion part, a key of `DIRECTIONS`.
@@ -116,5 +118,5 @@ def _neighbour_tables(
     code = np.zeros((grid.num_codes, len(steps)), dtype=np.int64)
     code[here] = np.where(inside, grid.encode(targets), here[:, None])
     is_inside = np.zeros(code.shape, dtype=np.bool_)
-    is_inside[here] = inside
+    is_inside[here] = inside | (grid.num_cells == 1)
     return code, is_inside

@@ -12,6 +12,7 @@ from iout_marl.physics.arrays import Array, lookup, turned
 from iout_marl.scenario import Scenario
 from iout_marl.world.backend import Backend
 from iout_marl.world.grid import Grid
+from iout_marl.world.limits import FARTHEST_M, UPLINK_W, bounded, unheard
 from iout_marl.world.link import Link
 from iout_marl.world.state import State
 
@@ -263,5 +264,7 @@ def _nearness(grid: Grid) -> npt.NDArray[np.int64]:
 def _price_j(scenario: Scenario, link: Link) -> float:
     """Energy of an uplink over half the grid's diagonal: the yardstick for stored energy."""
     half_diagonal = 0.5 * scenario.grid.spacing_m * np.linalg.norm(scenario.grid.cells)
-    power_per_snr_w = link.channel.power_per_snr_w(float(half_diagonal))
-    return float(link.channel.required_energy_j(power_per_snr_w, link.slot_s))
+    power_per_snr_w = link.channel.power_per_snr_w(min(float(half_diagonal), FARTHEST_M))
+    price_j = unheard(link.channel.required_energy_j)(power_per_snr_w, link.slot_s)
+    # Divisors must be no less than numbers are, nor more.
+    return float(bounded(price_j, *UPLINK_W))

@@ -6,6 +6,7 @@ A line gives a name to the value of an expression; a symbol stands for it in lat
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -105,8 +106,12 @@ def sqrt(value: float) -> float:
     return math.nan if value < 0 else math.sqrt(value)
 
 
+#: Up to where e^x is a number.
+_LARGEST_EXPONENT = math.log(sys.float_info.max)
+
+
 def expm1(value: float) -> float:
-    return float(np.expm1(value))
+    return math.inf if value > _LARGEST_EXPONENT else float(np.expm1(value))
 
 
 #: What expressions call, or Python's way to write a number.

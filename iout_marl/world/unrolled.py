@@ -21,6 +21,7 @@ import numpy.typing as npt
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
 from iout_marl.world.grid import Grid
+from iout_marl.world.limits import unheard
 from iout_marl.world.program import Program
 from iout_marl.world.state import Events, State
 from iout_marl.world.symbols import LIBRARY, SymbolArray, objects
@@ -60,6 +61,7 @@ class UnrolledSlot:
         with_mask: also say which actions make sense.
     """
 
+    @unheard
     def __init__(self, scenario: Scenario, *, with_mask: bool = False) -> None:
         program, world = Program(), World(scenario, library=LIBRARY)
         # Of a first state every number is known.

@@ -17,6 +17,7 @@ from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario, Tdd
 from iout_marl.world.backend import Backend
 from iout_marl.world.duplex import Split
+from iout_marl.world.limits import UPLINK_W, bounded, unheard, unheard_on_numpy
 from iout_marl.world.link import Link
 
 #: Up to which NumPy eliminates as fast as it solves, in batches of hundreds of systems or more.
@@ -112,6 +113,7 @@ class Interference(_ToOneReceiver):
     C_aa, then the lowest code of the AUV's cell) stays silent, until the rest can send.
     """
 
+    @unheard
     def __init__(self, scenario: Scenario, link: Link, backend: Backend) -> None:
         super().__init__(scenario, link, backend)
         self._backend = backend
@@ -120,12 +122,20 @@ class Interference(_ToOneReceiver):
         self._others = backend.floats([[float(a != b) for b in auvs] for a in auvs])
         duplex = scenario.duplex
         self._charging_disturbs = isinstance(duplex, Tdd) and not duplex.synchronised
-        self._disturbance_w = backend.floats(link.channel.charging_disturbance_w)
+        louder = link.channel.charging_disturbance_w / link.power_per_snr_w
+        #: By offset: what an AUV that charges there adds to the noise, beside the noise itself.
+        self._louder = bounded(louder, 0.0, UPLINK_W[1])
         self._one = backend.floats(1.0)
         self._none = backend.floats(float("-inf"))
         self._beyond = backend.integers(np.iinfo(np.int64).max)
 
+        # What overflows is a system without a solution.
+        self._solve = unheard_on_numpy(backend.xp, self._uplinks)
+
     def __call__(self, request: Request, split: Split) -> Uplinks:
+        return self._solve(request, split)
+
+    def _uplinks(self, request: Request, split: Split) -> Uplinks:
         xp = self._xp
         sending, required_j = self.to_nearest(request), split.required_j
         if self._num_auvs == 1:
@@ -163,7 +173,7 @@ class Interference(_ToOneReceiver):
             return self._zero * split.beta
         xp, link = self._xp, self._link
         between = link.offset(request.cell[:, :, None], request.cell[:, None, :])
-        louder = self._disturbance_w / link.at(link.power_per_snr_w, between)
+        louder = link.at(self._louder, between)
         overlaps = split.beta[:, None, :] > split.beta[:, :, None]
         return xp.sum(xp.where(overlaps, louder, self._zero), axis=2)
 

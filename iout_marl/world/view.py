@@ -5,6 +5,7 @@ from __future__ import annotations
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
 from iout_marl.world.backend import Backend
+from iout_marl.world.limits import FARTHEST_M
 from iout_marl.world.link import Link
 from iout_marl.world.nodes import NodeAxis
 from iout_marl.world.state import State
@@ -29,7 +30,7 @@ class View:
         self._link = link
         self._nodes = nodes
         self._backend = backend
-        self._range_m = backend.floats(range_m or 0.0)
+        self._range_m = backend.floats(min(range_m or 0.0, FARTHEST_M))
         self._shape = (scenario.num_auvs, scenario.num_nodes if self.is_limited else 0)
         self._initial_age = float(scenario.age.initial)
 

@@ -8,14 +8,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.errors import InputError
 from iout_marl.physics.arrays import Array, cast
 from iout_marl.scenario import Scenario
+from iout_marl.whole import whole_argument
+from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
 from iout_marl.world.age import advance, jain_index
 from iout_marl.world.backend import Backend
 from iout_marl.world.charging import charge
 from iout_marl.world.credit import Credit
 from iout_marl.world.duplex import make_duplex
 from iout_marl.world.grid import Grid
+from iout_marl.world.limits import MOST_ENVS, check_scenario
 from iout_marl.world.link import Link
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Motion
@@ -29,6 +33,7 @@ from iout_marl.world.view import View
 
 #: Changes whenever the same scenario, seed and actions would lead elsewhere, rounding apart.
 WORLD_VERSION = 0
+DTYPES = ("float64", "float32")
 
 
 class World:
@@ -37,9 +42,12 @@ class World:
     One slot is: move → charge → uplink → age → reward → observe. The world holds tables
     and constants only; what changes lies in the `State` that goes in and comes out.
 
+    `step` takes what it is given as it is: an action out of its range would read the row of
+    another node. `checked_step` looks first.
+
     Args:
         scenario: the scenario.
-        num_envs: environments in the batch.
+        num_envs: environments in the batch, 1 or more.
         library: array library, such as `numpy` (default) or `torch`.
         dtype: floating type, `float64` or `float32`.
         device: device of the library, or None for its default.
@@ -49,6 +57,10 @@ class World:
             network, of an episode.
         action_sizes: number of choices of each entry of an AUV's action: (directions, K, K)
             in FDD, (directions, K) in TDD.
+
+    Raises:
+        InputError: an argument is something else, or the scenario makes numbers that no
+            array holds.
     """
 
     def __init__(
@@ -59,6 +71,12 @@ class World:
         dtype: str = "float64",
         device: Any = None,
     ) -> None:
+        if not isinstance(scenario, Scenario):
+            raise InputError("scenario must be a Scenario: `load_scenario` makes one of a name")
+        if dtype not in DTYPES:
+            raise InputError(f"dtype must be one of {', '.join(DTYPES)}, not {dtype!r}")
+        check_scenario(scenario)
+        num_envs = whole_argument("num_envs", num_envs, 1, MOST_ENVS)
         self.scenario = scenario
         self.num_envs = num_envs
         self.num_auvs = scenario.num_auvs
@@ -87,6 +105,8 @@ class World:
         self._start = backend.integers(np.tile(start, (num_envs, 1)))
         self._one_slot = backend.integers(1)
         self._one = backend.floats(1.0)
+        self._check_layout = LayoutCheck((num_envs, self.num_nodes), self.grid)
+        self._check_action = ActionCheck(num_envs, self.num_auvs, self.action_sizes)
         # Of every node: NumPy compares two arrays faster than an array and a number.
         nowhere = backend.zeros((num_envs, self.num_nodes))
         self._maximum_age = nowhere + float(scenario.age.maximum)
@@ -97,7 +117,13 @@ class World:
         Args:
             node_cell: (envs, nodes) codes of the nodes' cells, as drawn by
                 `placement.node_codes`.
+
+        Raises:
+            InputError: it is something else. What lies on an accelerator, which would have to
+                stop for it, is not looked at.
         """
+        if not is_on_accelerator(node_cell):
+            self._check_layout(node_cell)
         backend, xp, envs = self.backend, self.backend.xp, (self.num_envs,)
         nodes = (self.num_envs, self.num_nodes)
         return State(
@@ -195,6 +221,29 @@ class World:
             spent_j=spent_j,
         )
         return new_state, events
+
+    def checked_step(self, state: State, action: Any) -> tuple[State, Events]:
+        """`step`, after a look at what it is given.
+
+        Args:
+            state: a state of this world, of an episode that is not over.
+            action: as for `step`; lists will do.
+
+        Raises:
+            InputError: the state is another world's; an action is not of integers, has another
+                shape, or lies outside its range.
+            RuntimeError: an episode is over.
+        """
+        shapes = tuple(state.cell.shape), tuple(state.node_cell.shape)
+        expected = (self.num_envs, self.num_auvs), (self.num_envs, self.num_nodes)
+        if shapes != expected:
+            raise InputError(
+                f"state is that of another world: its AUVs and nodes have shapes {shapes[0]} and "
+                f"{shapes[1]}, here it is {expected[0]} and {expected[1]}"
+            )
+        if int(self.backend.xp.max(state.slot)) >= self.num_slots:
+            raise RuntimeError(f"the episode is over, after {self.num_slots} slots: reset first")
+        return self.step(state, self.backend.integers(self._check_action(action)))
 
     def reward_terms(self, state: State, events: Events) -> Mapping[str, Array]:
         """The terms of a slot's reward, (envs, auvs) each; `state` is that after the slot."""

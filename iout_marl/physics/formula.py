@@ -1,0 +1,147 @@
+"""What every public function of the physics does first: read its arguments, and check them.
+
+A formula is written for arrays of one library. `@formula(…)` makes of it a function that also
+takes numbers, lists and tuples, and that refuses what lies outside the domain of an argument, by
+name. What it wraps is kept as its `unchecked`: for callers that know their arguments, and for
+compilers of arrays, which cannot look at numbers.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import math
+import numbers
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, ParamSpec, Protocol, cast
+
+import array_api_compat
+import numpy as np
+
+from iout_marl.errors import InputError
+from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
+
+P = ParamSpec("P")
+#: The arguments of a call, by name.
+Given = Mapping[str, Array]
+
+
+class Domain(NamedTuple):
+    """The finite numbers that an argument may be."""
+
+    #: What it must be, as 'must …' goes on.
+    words: str
+    #: Where a value is such; may look at the other arguments.
+    holds: Callable[[Array, Given], Array]
+
+
+def within(low: float, high: float, note: str = "") -> Domain:
+    """The numbers from `low` to `high`, both included."""
+    return Domain(f"lie between {low:g} and {high:g}{note}", lambda x, _: (x >= low) & (x <= high))
+
+
+REAL = Domain("be a number", lambda x, _: x == x)
+POSITIVE = Domain("be above 0", lambda x, _: x > 0)
+NOT_NEGATIVE = Domain("not be negative", lambda x, _: x >= 0)
+EFFICIENCY = Domain("be above 0 and at most 1", lambda x, _: (x > 0) & (x <= 1))
+FRACTION = within(0, 1)
+COUNT = Domain("be a whole number from 1 on", lambda x, _: (x >= 1) & (x % 1 == 0))
+#: The formulas for absorption and noise were fitted up to 1000; beyond 10 MHz none is used.
+FREQUENCY_KHZ = Domain(
+    "be above 0 and at most 10000 (kHz, not Hz)", lambda x, _: (x > 0) & (x <= 10_000)
+)
+TEMPERATURE_C = within(-2, 40, " (°C)")
+DEPTH_M = within(0, 11_000, " (m)")
+
+
+class Formula(Protocol[P]):
+    """A function of arrays that checks its arguments."""
+
+    __name__: str
+    #: The same without any check, and for arrays of one library and Python numbers alone.
+    unchecked: Callable[P, Array]
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Array: ...
+
+
+def formula(**domains: Domain) -> Callable[[Callable[P, Array]], Formula[P]]:
+    """Make a formula of a function of arrays.
+
+    Args:
+        domains: of each argument, by its name.
+    """
+
+    def decorate(function: Callable[P, Array]) -> Formula[P]:
+        signature = inspect.signature(function)
+        assert domains.keys() == signature.parameters.keys(), function
+
+        @functools.wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> Array:
+            call = signature.bind(*args, **kwargs)
+            call.apply_defaults()
+            given = _read(call.arguments)
+            # A number too large for its type is infinite, without a word.
+            with np.errstate(all="ignore"):
+                for name, domain in domains.items():
+                    _check(name, domain, given)
+                return function(*given.values())  # type: ignore[call-arg]
+
+        checked.unchecked = function  # type: ignore[attr-defined]
+        return cast(Formula[P], checked)
+
+    return decorate
+
+
+def _read(arguments: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    """Every argument as a floating array of one library."""
+    read = {name: _numbers(name, value) for name, value in arguments.items()}
+    try:
+        _, *arrays = as_arrays(*read.values())
+    except TypeError:
+        names = ", ".join(k for k, v in read.items() if array_api_compat.is_array_api_obj(v))
+        raise InputError(f"{names} must be arrays of one library on one device") from None
+    return dict(zip(read, arrays, strict=True))
+
+
+def _numbers(name: str, value: ArrayLike) -> ArrayLike:
+    """An array, a Python number or lists of them.
+
+    Raises:
+        InputError: it is, or holds, something else.
+    """
+    if array_api_compat.is_array_api_obj(value):
+        xp = array_api_compat.array_namespace(value)
+        if xp.isdtype(value.dtype, ("real floating", "integral")):
+            return value
+    else:
+        try:
+            # A list's own numbers decide its type: words would be read as numbers otherwise.
+            array = np.asarray(value)
+            if array.dtype.kind in "iuf" or all(
+                isinstance(each, numbers.Real) and not isinstance(each, bool)
+                for each in array.ravel().tolist()
+            ):
+                return array.astype(np.float64).tolist()
+        except (ValueError, TypeError, OverflowError, RuntimeError):
+            pass  # ragged, or numbers beyond every type: the message is the same
+    raise InputError(f"{name} must be a number or an array of numbers, not {_short(value)}")
+
+
+def _short(value: Any) -> str:
+    try:
+        text = " ".join(repr(value).split())
+    except ValueError:
+        return "a number of too many digits"
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _check(name: str, domain: Domain, given: Given) -> None:
+    x = given[name]
+    xp = array_api_compat.array_namespace(x)
+    good = xp.isfinite(x) & domain.holds(x, given)
+    if bool(xp.all(good)):
+        return
+    values = xp.reshape(xp.broadcast_to(x, good.shape), (-1,))
+    bad = float(values[int(xp.argmin(xp.astype(xp.reshape(good, (-1,)), xp.int8)))])
+    words = domain.words if math.isfinite(bad) else f"be finite and {domain.words}"
+    raise InputError(f"{name} must {words}: it is {bad:g}")
