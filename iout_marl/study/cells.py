@@ -101,7 +101,7 @@ def expand(
         quick: only what `quick` leaves of it.
 
     Scenarios and training presets are looked for in the folder of the study's file, then
-    among the bundled ones. `overrides` name a preset as they do everywhere: from here.
+    among the bundled ones. `overrides` name a preset as they do for any scenario.
 
     Raises:
         InputError: a scenario that is none, a setting that does not fit, an axis that is

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import logging
 import re
 import tempfile
@@ -109,10 +110,16 @@ class DaskCluster:
         """
         from distributed import as_completed
 
-        futures = {
-            self._client.submit(_run_cell, cell, carbon_g_per_kwh, pure=False, priority=-i): cell
-            for i, cell in enumerate(cells)
-        }
+        submit = functools.partial(self._client.submit, _run_cell, pure=False)
+        try:
+            futures = {
+                submit(cell, carbon_g_per_kwh, priority=-i): cell for i, cell in enumerate(cells)
+            }
+        # Dask has changed what it raises here from version to version.
+        except Exception:
+            if self._client.status == "running":
+                raise
+            raise self._lost() from None
         try:
             for future in as_completed(list(futures), loop=self._client.loop):
                 yield futures.pop(future), self._outcome(future)
@@ -135,7 +142,10 @@ class DaskCluster:
             except Exception as error:
                 if self._client.status == "running":
                     return error
-        raise LostClusterError(f"{self._name}: the scheduler has gone")
+        raise self._lost()
+
+    def _lost(self) -> LostClusterError:
+        return LostClusterError(f"{self._name}: the scheduler has gone")
 
 
 def _run_cell(cell: Cell, carbon_g_per_kwh: float) -> Output:

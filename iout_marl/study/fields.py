@@ -28,10 +28,6 @@ def show(text: str) -> str:
     return "".join(c if _is_seen(c) else repr(c)[1:-1] for c in text)
 
 
-def _check_line(text: str) -> str:
-    return _check_text(text, allowed="")
-
-
 def _check_text(text: str, allowed: str = "\n\t") -> str:
     strange = next((c for c in text if not (c in allowed or _is_seen(c))), None)
     if strange is not None:
@@ -39,10 +35,20 @@ def _check_text(text: str, allowed: str = "\n\t") -> str:
     return text
 
 
+def _check_line(text: str) -> str:
+    return _check_text(text, allowed="")
+
+
+def _check_words(text: str) -> str:
+    if len(text) > LONGEST:
+        raise invalid((), f"must have at most {LONGEST:,} characters, not {len(text):,}")
+    return _check_line(text)
+
+
 #: A text of one line, of any length.
 Line: TypeAlias = Annotated[str, AfterValidator(_check_line)]
-#: A name, a heading, a message.
-Words: TypeAlias = Annotated[Line, Field(max_length=LONGEST)]
+#: A name, a heading, a message: a line that is not too long.
+Words: TypeAlias = Annotated[str, AfterValidator(_check_words)]
 #: A text that may have several lines.
 Text: TypeAlias = Annotated[str, AfterValidator(_check_text)]
 

@@ -285,6 +285,6 @@ def validated(model: type[Model], path: Path, data: Any) -> Model:
     except ValidationError as error:
         problem = error.errors(include_url=False, include_input=False)[0]
         loc = (*problem["loc"], *problem.get("ctx", {}).get("path", ()))
-        where = show_path(tuple(loc)) or "all of it"
+        where = show_path(tuple(k if isinstance(k, int) else k[:40] for k in loc)) or "all of it"
         message = problem["msg"].replace("Input should", "must")
         raise InputError(f"{path}: cannot be read: {where}: {message}") from None

@@ -2,59 +2,67 @@
 
 import json
 import os
+import signal
+import socket
 import subprocess
 import sys
+import threading
+import warnings
+from contextlib import contextmanager, suppress
+from http.server import HTTPServer, SimpleHTTPRequestHandler
 
 import pytest
-from tiny_study import PATIENCE_S, STUDY, wait_for, write_study
+from tiny_cluster import Cluster
+from tiny_study import PATIENCE_S, STUDY, SameProcess, wait_for, write_study
 
 from iout_marl import InputError
-from iout_marl.study.cluster import DaskCluster
+from iout_marl.study import cluster as on_dask
+from iout_marl.study import expand, load_study
+from iout_marl.study.cluster import DaskCluster, LostClusterError
 
 
 @pytest.fixture
 def cluster(tmp_path):
-    """The address of the scheduler, and the processes of the workers."""
-    started = []
-
-    def start(module, *words):
-        command = [sys.executable, "-m", f"distributed.cli.{module}", *words]
-        with (tmp_path / f"{module}-{len(started)}.log").open("w") as log:
-            started.append(subprocess.Popen(command, stdout=log, stderr=log, cwd=tmp_path))
-        return started[-1]
-
-    file = tmp_path / "scheduler.json"
-    loopback = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
-    start("dask_scheduler", *loopback, "--scheduler-file", str(file))
-    address = json.loads(wait_for(lambda: file.exists() and file.read_text()))["address"]
-    alone = ("--no-nanny", "--nthreads", "1", "--host", "127.0.0.1", "--no-dashboard")
-    workers = [start("dask_worker", address, *alone) for _ in range(2)]
-    yield address, workers
-    for process in started:
-        process.kill()
-        process.wait()
+    """A scheduler and two workers."""
+    (tmp_path / "dask").mkdir()
+    with Cluster(tmp_path / "dask") as running:
+        yield running
 
 
-def test_a_study_survives_the_loss_of_a_worker(cluster, tmp_path):
-    address, workers = cluster
+@pytest.fixture
+def study(tmp_path):
     trained = {**STUDY["groups"]["trained"], "seeds": [0, 1, 2]}
-    trained["settings"] = {**trained["settings"], "training.steps": 4_000}
-    path = write_study(
+    trained["settings"] = {**trained["settings"], "training.steps": 2_000}
+    return write_study(
         tmp_path / "study.yaml", groups={**STUDY["groups"], "trained": trained}, quick={}
     )
+
+
+@pytest.fixture
+def start(study, tmp_path):
+    """Starts `iout reproduce` on the study."""
+
+    def starter(*words):
+        command = [sys.executable, "-m", "iout_marl", "reproduce", "--study", str(study)]
+        command += ["--out", str(tmp_path / "out"), *words]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        return subprocess.Popen(command, env={**os.environ, "PYTHONUNBUFFERED": "1"}, **pipes)
+
+    return starter
+
+
+def trained_cells(tmp_path):
+    return sorted((tmp_path / "out" / "cells").glob("*-ppo-*.json"))
+
+
+def test_a_study_survives_the_loss_of_a_worker(cluster, start, tmp_path):
+    running = start("--scheduler", cluster.address)
+    wait_for(lambda: trained_cells(tmp_path) or running.poll() is not None)
+    cluster.workers[0].kill()
+    _, told = running.communicate(timeout=PATIENCE_S)
+    assert running.returncode == 0, told
+    assert "2 workers of the cluster" in told or "1 worker of the cluster" in told
     out = tmp_path / "out"
-    words = ["--study", str(path), "--out", str(out), "--scheduler", address]
-    study = subprocess.Popen(
-        [sys.executable, "-m", "iout_marl", "reproduce", *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONUNBUFFERED": "1"},
-    )
-    wait_for(lambda: list((out / "cells").glob("*-ppo-*.json")) or study.poll() is not None)
-    workers[0].kill()
-    _, told = study.communicate(timeout=PATIENCE_S)
-    assert study.returncode == 0, told
     results = json.loads((out / "results.json").read_text())
     assert len(results["cells"]) == 8
     assert results["failures"] == []
@@ -62,22 +70,153 @@ def test_a_study_survives_the_loss_of_a_worker(cluster, tmp_path):
     assert all((run / "policy.safetensors").stat().st_size for run in (out / "runs").iterdir())
 
 
-def test_an_address_without_a_scheduler_is_told(monkeypatch):
-    monkeypatch.setattr("iout_marl.study.cluster.CONNECT_S", 1)
-    with pytest.raises(InputError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler"):
-        DaskCluster("tcp://127.0.0.1:9")
+def test_a_study_that_loses_its_scheduler_says_how_to_go_on_and_does(cluster, start, tmp_path):
+    running = start("--scheduler", cluster.address)
+    wait_for(lambda: trained_cells(tmp_path) or running.poll() is not None)
+    cluster.scheduler.kill()
+    _, told = running.communicate(timeout=PATIENCE_S)
+    kept = trained_cells(tmp_path)
+    assert running.returncode == 2
+    assert kept
+    assert "Traceback" not in told
+    line = told.splitlines()[-1]
+    assert line.startswith(f"iout: --scheduler {cluster.address}: the scheduler has gone; ")
+    assert f"what is finished stays. Go on with: iout reproduce --study {tmp_path}" in line
+    assert [li for li in told.splitlines() if "AoI" not in li and "cells on" not in li] == [line]
+    before = {path: path.stat().st_mtime_ns for path in kept}
+    again = start("--jobs", "2")
+    _, told = again.communicate(timeout=PATIENCE_S)
+    assert again.returncode == 0, told
+    assert before == {path: path.stat().st_mtime_ns for path in kept}
 
 
-def test_an_address_that_is_none_is_told_at_once():
-    command = [sys.executable, "-m", "iout_marl", "reproduce", "--scheduler", "foo"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr == (
-        "iout: --scheduler foo: must be an address such as tcp://127.0.0.1:8786\n"
-    )
+def test_a_study_on_a_cluster_is_stopped_like_any_other(cluster, start, tmp_path):
+    running = start("--scheduler", cluster.address)
+    wait_for(lambda: trained_cells(tmp_path) or running.poll() is not None)
+    running.send_signal(signal.SIGTERM)
+    _, told = running.communicate(timeout=PATIENCE_S)
+    assert running.returncode == 128 + signal.SIGTERM
+    assert f"Go on with: iout reproduce --study {tmp_path}" in told
+    assert f"--scheduler {cluster.address}" in told
+    assert "Traceback" not in told
+
+
+def test_a_cluster_without_workers_is_waited_for(tmp_path):
+    with Cluster(tmp_path, workers=0) as empty:
+        pool = DaskCluster(empty.address)
+        assert pool.describe() == (
+            f"0 workers of the cluster: waiting for the first (dask worker {empty.address})"
+        )
+        cells = expand(*load_study(write_study(tmp_path / "s.yaml")))[:1]
+        outcomes = pool.run(cells, 475.0)
+        empty.add_worker()
+        ((cell, output),) = outcomes
+        ((_, expected),) = SameProcess().run(cells, 475.0)
+        assert cell == cells[0]
+        assert output.record.samples == expected.record.samples
+        empty.scheduler.kill()
+        with pytest.raises(LostClusterError, match="the scheduler has gone"):
+            list(pool.run(cells, 475.0))
+
+
+@contextmanager
+def listening(answer):
+    """The address of something that accepts connections, and answers each by `answer`."""
+    kept = []
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve():
+            with suppress(OSError):
+                while True:
+                    kept.append(server.accept()[0])
+                    answer(kept[-1])
+
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
+    for connection in kept:
+        connection.close()
+
+
+STRANGERS = {
+    "says nothing": lambda connection: None,
+    "closes": lambda connection: connection.close(),
+    "another protocol": lambda connection: connection.sendall(b"SSH-2.0-OpenSSH_9.6\r\n" * 9),
+    "a huge message": lambda connection: connection.sendall((2**62).to_bytes(8, "little") * 4),
+    "zeros": lambda connection: connection.sendall(bytes(64)),
+}
+
+
+@pytest.mark.parametrize("answer", STRANGERS.values(), ids=STRANGERS)
+def test_what_only_listens_is_no_scheduler(monkeypatch, answer):
+    monkeypatch.setattr(on_dask, "CONNECT_S", 1)
+    with (
+        listening(answer) as address,
+        pytest.raises(InputError, match=rf"--scheduler {address}: no scheduler answers: \S") as e,
+    ):
+        DaskCluster(address)
+    assert str(e.value).isprintable()
+
+
+def test_the_port_of_a_web_page_is_no_schedulers(monkeypatch):
+    monkeypatch.setattr(on_dask, "CONNECT_S", 1)
+
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_):
+            pass
+
+    with HTTPServer(("127.0.0.1", 0), Quiet) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.server_port}"
+        with pytest.raises(InputError, match="no scheduler answers: nothing that it understands"):
+            DaskCluster(address)
+        server.shutdown()
+
+
+def test_the_address_of_a_worker_is_told(cluster):
+    log = cluster.folder / "cluster.log"
+    start = "Start worker at: "
+    lines = wait_for(lambda: [li for li in log.read_text().splitlines() if start in li])
+    with pytest.raises(InputError, match="is the address of a Worker, not of a scheduler"):
+        DaskCluster(lines[0].partition(start)[2].strip())
+
+
+@pytest.mark.parametrize(
+    "address", ["tcp://127.0.0.1:9", "tls://127.0.0.1:9", "ucx://127.0.0.1:9", "foo://h:8"]
+)
+def test_an_address_without_a_scheduler_is_told(monkeypatch, address):
+    monkeypatch.setattr(on_dask, "CONNECT_S", 1)
+    with pytest.raises(InputError, match=f"--scheduler {address}: no scheduler answers: "):
+        DaskCluster(address)
+
+
+@pytest.mark.parametrize("address", ["foo", "", "tcp://host", "http://a/b:1", "a b:1"])
+def test_an_address_that_is_none_is_told_at_once(address):
+    with pytest.raises(InputError, match=r"must be an address such as tcp://127\.0\.0\.1:8786"):
+        DaskCluster(address)
 
 
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"pip install 'iout-marl\[cluster\]'"):
         DaskCluster("tcp://127.0.0.1:9")
+
+
+def test_packages_that_differ_are_named_in_the_line_and_not_in_a_table(tmp_path, monkeypatch):
+    from distributed import client
+
+    ours = client.version_module.get_versions
+    changed = {"packages": {**ours()["packages"], "msgpack": "0.1", "python": "2.7"}}
+    monkeypatch.setattr(client.version_module, "get_versions", lambda *_, **__: changed)
+    with Cluster(tmp_path, workers=0) as empty, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        told = DaskCluster(empty.address).describe()
+    assert told.endswith("(versions differ between its machines: msgpack, python)")
+
+
+def test_what_a_worker_of_another_version_computes_does_not_count(tmp_path):
+    cells = expand(*load_study(write_study(tmp_path / "s.yaml")))[:1]
+    ((_, output),) = SameProcess().run(cells, 475.0)
+    assert on_dask._same_software(output) is output
+    output.record.machine["iout-marl"] = "0.0.9"
+    told = on_dask._same_software(output)
+    assert str(told).startswith("a worker has iout-marl 0.0.9, not ")

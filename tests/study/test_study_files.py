@@ -1,9 +1,12 @@
 """What a study's file may say, and how a mistake in it is told."""
 
+import json
+from pathlib import Path
+
 import pytest
 from tiny_study import STUDY, write_study
 
-from iout_marl import InputError
+from iout_marl import InputError, load_scenario
 from iout_marl.study import expand, load_study
 from iout_marl.world import pin_layout
 
@@ -190,6 +193,40 @@ MISTAKES = {
         changed("trained", series="{variant}", variants={"": {}}),
         r"groups\.trained\.series: must not be empty",
     ),
+    "far too many cells": (
+        changed("baseline", grid={f"reward.{c}": list(range(100)) for c in "abcde"}),
+        r"groups\.baseline: .* more than 10,000 cells, the most that a study may have",
+    ),
+    "far too many combinations": (
+        changed("baseline", grid={f"reward.{c}": [0, 1] for c in range(5_000)}),
+        "more than 10,000 cells",
+    ),
+    "a few cells too many": (
+        changed("trained", seeds=list(range(2_000)), grid={"age.maximum": [1, 2, 3]}),
+        r"groups\.trained: .* more than 10,000 cells",
+    ),
+    "episodes without end": (
+        changed("trained", episodes=10**19),
+        "episodes: .*less than or equal to 100000",
+    ),
+    "a search without end": (
+        changed("baseline", policies=["bound"], bound_seconds=1e300),
+        "bound_seconds: .*less than or equal to",
+    ),
+    "a title with an escape": ({"title": "a\x1bb"}, "title: must not hold the control character"),
+    "a title of two lines": ({"title": "a\nb"}, "title: must not hold the control character"),
+    "an endless title": ({"title": "a" * 5_000}, "title: must have at most 1,000 characters"),
+    "an odd label": ({"axis": {"label": "\u2028"}}, r"axis\.label: must not hold"),
+    "an odd group": ({"groups": {"a\x07": STUDY["groups"]["baseline"]}}, "control character"),
+    "an odd variant": (changed("trained", variants={"a\x07": {}}), "control character"),
+    "an odd value in a series": (
+        changed("trained", series="{grid.cells}", grid={"grid.cells": ["a\x07"]}),
+        r"groups\.trained: ",
+    ),
+    "place beyond all": (
+        {**changed("trained", settings={"age.maximum": 1e300}), "axis": {"key": "age.maximum"}},
+        r"age\.maximum",
+    ),
     "two cells in one place": (
         changed("trained", series="ppo"),
         r"groups\.trained: two cells of the series 'ppo' share the place 2",
@@ -204,6 +241,86 @@ def test_a_mistake_is_told_with_file_and_line(tmp_path, changes, message):
         cells_of(path)
     assert str(error.value).partition(": ")[0].split(":")[0].endswith("study.yaml")
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("study", ["paper", "gap", "fairness", "multi"])
+def test_no_two_cells_of_a_study_are_described_alike(study):
+    told = [cell.describe() for cell in cells_of(study)]
+    assert len(set(told)) == len(told)
+
+
+def test_a_cell_is_described_by_what_tells_it_from_others(tmp_path):
+    grid = {"nodes.count": [1, 2], "reward.age_weight": [0, 0.5]}
+    group = {**STUDY["groups"]["trained"], "series": "{reward.age_weight}", "grid": grid}
+    group |= {"variants": {"short": {}}, "seeds": [3]}
+    told = [c.describe() for c in cells_of(write_study(tmp_path / "s.yaml", groups={"g": group}))]
+    assert told[:2] == [
+        "0, ppo, short, paper/k3-fdd, nodes.count=1, reward.age_weight=0, seed 3",
+        "0.5, ppo, short, paper/k3-fdd, nodes.count=1, reward.age_weight=0.5, seed 3",
+    ]
+    assert len(set(told)) == 4
+    told = [cell.describe() for cell in cells_of(write_study(tmp_path / "t.yaml"))]
+    assert told[1] == "greedy, paper/k3-fdd, nodes.count=2, seed 7"
+    assert told[-1] == "ppo, no age, paper/k3-fdd, nodes.count=2, seed 1"
+
+
+@pytest.fixture
+def elsewhere(tmp_path, monkeypatch):
+    """A folder for a study; another one, in which one stands."""
+    (tmp_path / "own").mkdir()
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    return tmp_path / "own"
+
+
+def scenario_of(path, name, **changes):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"extends": "paper/k3-fdd", "name": name, **changes}))
+
+
+def test_scenarios_are_looked_for_beside_the_study_then_among_the_bundled(elsewhere):
+    scenario_of(elsewhere / "mine.yaml", "beside")
+    scenario_of(elsewhere / "paper" / "k3-fdd.yaml", "own k3")
+    scenario_of(Path("mine.yaml"), "here")
+    scenario_of(Path("paper/k5-fdd.yaml"), "here")
+    group = {"scenarios": ["mine", "mine.yaml", "paper/k3-fdd", "paper/k5-fdd"]}
+    group |= {"policies": ["greedy"]}
+    for scenario, name in zip(
+        group["scenarios"], ("beside", "beside", "own k3", "paper/k5-fdd"), strict=True
+    ):
+        groups = {"g": group | {"scenarios": [scenario]}}
+        (cell,) = cells_of(write_study(elsewhere / "s.yaml", groups=groups, quick={}))
+        assert cell.scenario.name == name
+
+
+def test_a_scenario_of_the_working_folder_alone_is_no_scenario_of_the_study(elsewhere):
+    scenario_of(Path("mine.yaml"), "here")
+    for name in ("mine", "mine.yaml"):
+        path = write_study(elsewhere / "s.yaml", **changed("trained", scenarios=[name]))
+        with pytest.raises(InputError, match=f"no scenario '{name}'.*own folder it is ") as error:
+            cells_of(path)
+        assert str(error.value).endswith("'../here/mine.yaml'")
+
+
+def test_a_training_preset_is_looked_for_beside_who_names_it(elsewhere):
+    preset = {**load_scenario("paper/k3-fdd").training.model_dump(mode="json"), "steps": 111_000}
+    del preset["preset"]
+    for path, steps in ((elsewhere / "p.yaml", 222_000), (Path("p.yaml"), 333_000)):
+        path.write_text(json.dumps({**preset, "steps": steps}))
+    (elsewhere / "deep").mkdir()
+    (elsewhere / "deep" / "p.yaml").write_text(json.dumps(preset))
+    scenario_of(elsewhere / "deep" / "mine.yaml", "mine", training={"preset": "p.yaml"})
+
+    def steps_of(overrides=(), **settings):
+        group = {"scenarios": ["deep/mine"], "policies": ["ppo"], "settings": settings}
+        path = write_study(elsewhere / "s.yaml", groups={"g": group}, quick={})
+        (cell,) = cells_of(path, overrides)
+        assert cell.scenario.training.preset == "p.yaml"
+        return cell.scenario.training.steps
+
+    assert steps_of() == 111_000
+    assert steps_of(**{"training.preset": "p.yaml"}) == 222_000
+    assert steps_of(training={"preset": "p.yaml"}) == 222_000
 
 
 def test_quick_that_leaves_nothing_is_refused(tmp_path):
