@@ -26,8 +26,9 @@ from iout_marl.cli_studies import JsonFile, Overrides, ScenarioArgument, report,
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation
 from iout_marl.files import write_text
+from iout_marl.outlook import energy_outlook
 from iout_marl.policies import BASELINES, UNTRAINED, USUAL
-from iout_marl.scenario import bundled_names, load_scenario, to_yaml
+from iout_marl.scenario import Scenario, bundled_names, load_scenario, to_yaml
 
 if TYPE_CHECKING:
     from trainers import TrainingOutcome
@@ -94,6 +95,8 @@ def show(scenario: ScenarioArgument, overrides: Overrides = None) -> None:
     """Print a whole scenario, after `extends`, preset and overrides, as YAML."""
     loaded = load_scenario(scenario, overrides or [])
     typer.echo(f"# hash {loaded.hash}, of the world alone {loaded.world_hash}")
+    if outlook := energy_outlook(loaded):
+        typer.echo(f"# {outlook}")
     typer.echo(to_yaml(loaded), nl=False)
 
 
@@ -140,6 +143,7 @@ def train(
     if steps is not None:
         settings.append(f"training.steps={steps}")
     loaded = load_scenario(scenario, settings)
+    _say_outlook(loaded)
     if resume is not None and out is not None and out != resume:
         raise InputError("--out and --resume name different folders; --resume goes on in its own")
     if resume is not None and seed is not None:
@@ -237,6 +241,7 @@ def evaluate_command(
 ) -> None:
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
     loaded = load_scenario(scenario, overrides or [])
+    _say_outlook(loaded)
     names, starts = policy or list(BASELINES), planner_start or []
     loaded = with_layout_of_runs(loaded, [*names, *starts], transfer=transfer)
     planner = None
@@ -262,6 +267,11 @@ def evaluate_command(
 app.command("bound")(bound_command)
 app.command()(reproduce)
 app.command()(report)
+
+
+def _say_outlook(scenario: Scenario) -> None:
+    if outlook := energy_outlook(scenario):
+        typer.echo(f"note: {outlook}", err=True)
 
 
 def _console() -> Console:
