@@ -31,8 +31,9 @@ from iout_marl.cli_studies import report, reproduce
 from iout_marl.cli_tables import SIDE_BY_SIDE, show_columns, show_spread
 from iout_marl.errors import InputError
 from iout_marl.evaluation import MAX_EPISODES
+from iout_marl.outlook import energy_outlook
 from iout_marl.policies import BASELINES, UNTRAINED, USUAL
-from iout_marl.scenario import bundled_names, load_scenario, to_yaml
+from iout_marl.scenario import Scenario, bundled_names, load_scenario, to_yaml
 from iout_marl.terminal import complain, finish_output, prepare_streams, present
 from iout_marl.whole import MAX_SEED
 
@@ -88,7 +89,9 @@ def show(scenario: ScenarioArgument, overrides: Overrides = None) -> None:
     """Print a whole scenario, after `extends`, preset and overrides, as YAML."""
     loaded = load_scenario(scenario, overrides or [])
     hashes = f"# hash {loaded.hash}, of the world alone {loaded.world_hash}"
-    present(f"{hashes}\n{to_yaml(loaded)}".rstrip("\n"))
+    outlook = energy_outlook(loaded)
+    notes = f"{hashes}\n# {outlook}" if outlook else hashes
+    present(f"{notes}\n{to_yaml(loaded)}".rstrip("\n"))
 
 
 @app.command()
@@ -146,6 +149,7 @@ def train(
     if steps is not None:
         settings.append(f"training.steps={steps}")
     loaded = load_scenario(scenario, settings)
+    _say_outlook(loaded)
     if resume is not None and out is not None and out != resume:
         raise InputError("--out and --resume name different folders; --resume goes on in its own")
     if resume is not None and seed is not None:
@@ -274,8 +278,10 @@ def evaluate_command(
     overrides: Overrides = None,
 ) -> None:
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
+    loaded = load_scenario(scenario, overrides or [])
+    _say_outlook(loaded)
     results, layouts = evaluate_all(
-        load_scenario(scenario, overrides or []),
+        loaded,
         policy or list(BASELINES),
         planner_start or [],
         planner_budget(planner_seconds, planner_rounds),
@@ -295,6 +301,11 @@ def evaluate_command(
 app.command("bound")(bound_command)
 app.command()(reproduce)
 app.command()(report)
+
+
+def _say_outlook(scenario: Scenario) -> None:
+    if outlook := energy_outlook(scenario):
+        complain(f"note: {outlook}")
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:

@@ -19,7 +19,7 @@ from iout_marl.errors import InputError
 from iout_marl.scenario.places import KeyPath, Places, shorten, show_file, show_path, show_value
 from iout_marl.scenario.plain import plain_mapping, plain_value
 from iout_marl.scenario.sources import find_scenario
-from iout_marl.scenario.yaml_values import MAX_BYTES, read_yaml
+from iout_marl.scenario.yaml_values import MAX_BYTES, MAX_DEPTH, read_yaml
 
 __all__ = [
     "KeyPath",
@@ -37,7 +37,7 @@ __all__ = [
 #: Lists, and the key beside each that says how many of its entries are meant.
 _COUNTED = {("nodes", "cells"): "count", ("auvs", "start_cells"): "count"}
 #: Scenarios that one may extend, those that they extend among them.
-MAX_BASES = 100
+MAX_BASES = 50
 
 
 @dataclass
@@ -194,7 +194,8 @@ class _Chain:
             if path.resolve() in below:
                 circle = " → ".join(shorten(p.stem) for p in (*below, path))
                 raise InputError(f"{where}: extends: a scenario must not extend itself ({circle})")
-            merged = self.read(path, below).over(merged)
+            layer = self.read(path, below)
+            _merge(merged.data, layer.data, merged.places, layer.places, ())
         return merged
 
 
@@ -224,7 +225,7 @@ def overrides_layer(overrides: str | Iterable[object] | Mapping[str, Any] | None
     merged = Layer()
     for key, value, where, written in _pairs(overrides):
         keys = key.split(".")
-        if not all(keys):
+        if not all(keys) or len(keys) > MAX_DEPTH:
             raise InputError(f"{where}: the key must be dotted words, such as auvs.count")
         if keys[0] == "extends":
             raise InputError(f"{where}: extends cannot be overridden: name the scenario itself")
@@ -257,7 +258,7 @@ def _pairs(
         if not isinstance(text, str):
             raise InputError(f"override {show_value(text)}: must be of the form key=value")
         key, equals, value = text.partition("=")
-        where = f"--set {text}" if len(text) <= 100 else f"--set {text[:97]}..."
+        where = f"--set {text if len(text) <= 100 else text[:97] + '...'}"
         if not equals or not key:
             raise InputError(f"{where}: must be of the form key=value")
         data, places = read_yaml(value, where, is_file=False)

@@ -25,7 +25,7 @@ from iout_marl.scenario.fields import (
 )
 
 #: More than the arrays of a world have room for.
-MAX_NODES, MAX_AUVS = 10_000, 1_000
+MAX_NODES, MAX_AUVS = 4_000, 1_000
 
 Frequency: TypeAlias = Annotated[Positive, Plausible(0.1, 1000, "kHz", slips=(1e-3,))]
 Directivity: TypeAlias = Annotated[Decibels, Plausible(-30, 60, "dB")]

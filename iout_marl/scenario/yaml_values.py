@@ -30,7 +30,7 @@ from iout_marl.errors import InputError
 from iout_marl.scenario.places import Places, show_value
 
 #: More than any scenario or study has; aliases of aliases would multiply without end.
-MAX_BYTES, MAX_VALUES, MAX_DEPTH = 1_000_000, 100_000, 50
+MAX_BYTES, MAX_VALUES, MAX_DEPTH = 1_000_000, 25_000, 50
 
 _TAG = "tag:yaml.org,2002:"
 _WORD = f"{_TAG}str"
@@ -81,6 +81,7 @@ class _Reader:
     def __init__(self, text: str, name: str, *, is_file: bool) -> None:
         self._text, self._name, self._is_file = text, name, is_file
         self._yaml = YAML(typ="safe", pure=True)
+        self._plain: dict[str, Any] = {}
         construct = self._yaml.constructor
         self._scalars = {
             f"{_TAG}null": lambda _: None,
@@ -217,16 +218,20 @@ class _Reader:
     def _scalar(self, event: Any, line: int) -> Any:
         value: str = event.value
         tag = event.tag
-        if tag is None or tag == "!":
-            plain = tag is None and event.style is None
-            resolver = self._yaml.resolver
-            tag = str(resolver.resolve(ScalarNode, value, (True, False))) if plain else _WORD
-            if tag not in self._scalars:
-                return value  # words, and what else looks like a date, say
-        elif tag == _WORD:
+        if tag is None and event.style is None:
+            if value not in self._plain:
+                resolved = self._yaml.resolver.resolve(ScalarNode, value, (True, False))
+                self._plain[value] = self._built(value, str(resolved), line)
+            return self._plain[value]
+        if tag in (None, "!", _WORD):
             return value
-        elif tag not in self._scalars:
+        if tag not in self._scalars:
             self._refuse_tag(tag, line)
+        return self._built(value, tag, line)
+
+    def _built(self, value: str, tag: str, line: int) -> Any:
+        if tag not in self._scalars:
+            return value  # a word, or what looks like a date, say
         try:
             return self._scalars[tag](ScalarNode(tag, value))
         except (ValueError, KeyError, IndexError, OverflowError):

@@ -97,6 +97,19 @@ def test_show_of_a_file(iout, tmp_path):
     assert "name: mine" in out
 
 
+def test_show_says_that_energy_does_not_matter_and_can_be_loaded_again(iout, tmp_path):
+    changes = ["harvester.sensitivity_db=150", "allow_implausible=[harvester.sensitivity_db]"]
+    words = [word for change in changes for word in ("--set", change)]
+    status, out, err = iout("show", "paper/k3-fdd", *words)
+    assert (status, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[1].startswith("# energy can never bind: a slot harvests 5.89e+30 J to ")
+    (tmp_path / "shown.yaml").write_text(out, encoding="utf-8")
+    shown = load_scenario("shown.yaml")
+    assert shown.allow_implausible == ("harvester.sensitivity_db",)
+    assert lines[0].startswith(f"# hash {shown.hash}, ")
+
+
 def test_train_and_evaluate(iout, tiny_settings, tmp_path):
     status, out, err = iout("train", "best/k3-fdd", *tiny_settings, "--out", "run", "--seed", 4)
     assert status == 0
@@ -107,7 +120,11 @@ def test_train_and_evaluate(iout, tiny_settings, tmp_path):
 
     words = ["evaluate", "best/k3-fdd", *tiny_settings, "--policy", "run", "--json", "-"]
     status, out, err = iout(*words)
-    assert (status, err) == (0, "")
+    assert status == 0
+    assert err == (
+        "note: energy can never bind: a slot harvests 192 J to 842 J, "
+        "and the dearest uplink takes 79.7 J\n"
+    )
     assert json.loads(out) == result["evaluation"]
 
 
@@ -251,5 +268,6 @@ def test_baselines_beside_a_run_play_on_its_layout(iout, tmp_path, tiny_settings
     assert iout("train", *words, "--out", tmp_path / "run", "--seed", 1)[0] == 0
     rows = ["--policy", "greedy", "--policy", tmp_path / "run", "--episodes", 2, "--json", "-"]
     status, out, err = iout("evaluate", *words, *rows)
-    assert (status, err) == (0, "")
+    assert status == 0
+    assert err.startswith("note: energy can never bind: ")
     assert len({record["scenario_hash"] for record in json.loads(out)}) == 1

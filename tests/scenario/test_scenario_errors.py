@@ -56,8 +56,8 @@ FILES = {
     "a: &a [1,1,1,1,1,1,1,1]\n"
     + "".join(
         f"{key}: &{key} [{','.join([f'*{chr(ord(key) - 1)}'] * 8)}]\n" for key in "bcdefghi"
-    ): (":6: broken YAML: more than 100,000 values"),
-    "x: [" + "1," * 100_001 + "]": ":1: broken YAML: more than 100,000 values",
+    ): (":5: broken YAML: more than 25,000 values"),
+    "x: [" + "1," * 25_001 + "]": ":1: broken YAML: more than 25,000 values",
     "x: '" + "1" * 1_000_000 + "'": ": cannot be read: larger than 1,000,000 bytes",
     # Tags, and what else is no plain value.
     "a: !!foo [1]": ":1: broken YAML: the tag !!foo has no meaning here",
@@ -207,7 +207,7 @@ LINES = {
         "grid.cells: must be at most 1,000,000 cells, not 10000000 × 10000000 × 10000000"
     ),
     "auvs: {count: 4000}": "auvs.count: must be less than or equal to 1000, not 4000",
-    f"nodes: {{cells: {[[1, 1, 1]] * 10_001}}}": "nodes.cells: must list at most 10,000, not 10,",
+    f"nodes: {{cells: {[[1, 1, 1]] * 4001}}}": "nodes.cells: must list at most 4,000, not 4,001",
     f"auvs: {{start_cells: {[[1, 1, 1]] * 1001}}}": "auvs.start_cells: must list at most 1,000, n",
     "training: {hidden_units: [1000000, 1000000]}\nallow_implausible: [training.hidden_units]": (
         "training.hidden_units: make a network of some 1e+12 weights: 1e+10 at most"

@@ -4,6 +4,7 @@ import random
 import subprocess
 import sys
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -169,6 +170,20 @@ def test_is_the_same_in_another_process():
         check=True,
     ).stdout
     assert printed.split() == [load_scenario(name).hash for name in names]
+
+
+@pytest.mark.parametrize(
+    ("name", "hash_then", "world_hash_then"),
+    [
+        ("run-0.1.0", "ca76af1826e5", "5611146a6792"),
+        ("run-0.1.0-paper", "2a966538b64d", "cea7cf8bcf35"),
+    ],
+)
+def test_scenario_of_a_run_folder_of_an_earlier_version(name, hash_then, world_hash_then):
+    path = Path(__file__).parent / "fixtures" / f"{name}.yaml"
+    scenario = load_scenario(path)
+    assert (scenario.hash, scenario.world_hash) == (hash_then, world_hash_then)
+    assert to_yaml(scenario) == path.read_text(encoding="utf-8")
 
 
 def test_keys_that_came_later_leave_the_hashes_of_before_as_they_were():

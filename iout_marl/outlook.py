@@ -1,0 +1,113 @@
+"""Whether energy matters in a scenario at all: what the tables of its links say beforehand."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.errors import InputError
+from iout_marl.scenario import FixedNodes, Scenario, Tdd
+from iout_marl.world.backend import Backend
+from iout_marl.world.grid import Grid
+from iout_marl.world.link import Link
+
+#: Pairs of a cell and a node that are looked at one by one; of more, all that the grid has.
+MAX_PAIRS = 5_000_000
+#: Energies from which on a figure says no more, in J.
+BEYOND_J = 1e36
+
+
+def energy_outlook(scenario: Scenario) -> str | None:
+    """One line where energy can never bind, or never suffice; None where it matters.
+
+    It never binds where the harvest of any one slot pays for any uplink: charging the node that
+    is heard is then always enough. By the paper's rule for β, which leaves a slot to one of the
+    two where the least β harvests more than enough, the harvest of one slot must pay for an
+    uplink in all of them. AUVs that disturb one another make uplinks dearer than they are here.
+
+    It never suffices where an uplink takes more than a node could harvest in a whole episode.
+
+    Args:
+        scenario: any scenario that has been accepted.
+    """
+    grid = Grid(scenario.grid.cells)
+    try:
+        with np.errstate(all="ignore"):  # what overflows is too dear, what vanishes is nothing
+            return _outlook(scenario, Link(scenario, grid, Backend.of()), _offsets(scenario, grid))
+    except InputError as error:
+        return f"no world can be made of this scenario: {error}"
+
+
+def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> str | None:
+    harvest_j = np.nan_to_num(link.harvested_w[offsets] * link.slot_s)
+    uplink_j = np.nan_to_num(link.slot_uplink_j[offsets], nan=np.inf)
+    poorest, richest, dearest = harvest_j.min(), harvest_j.max(), uplink_j.max()
+    slots = scenario.num_slots
+    bounds = f"a slot harvests {_joules(poorest)} to {_joules(richest)}"
+    if _never_binds(scenario, link, offsets, poorest, dearest):
+        disturbed = scenario.num_auvs > 1 and scenario.channel.access == "interference"
+        when = "bind only where uplinks disturb one another" if disturbed else "never bind"
+        uplink = f"the dearest uplink takes {_joules(dearest)}" + " alone" * disturbed
+        return f"energy can {when}: {bounds}, and {uplink}"
+    # All AUVs may charge one node through the whole episode.
+    charges = slots * scenario.num_auvs
+    if richest * charges <= uplink_j.min():
+        return (
+            f"nothing can ever be delivered: {bounds}, and the cheapest uplink takes "
+            f"{_joules(uplink_j.min())}, more than all {slots:,} slots of an episode bring"
+        )
+    away = link.distance_m[offsets] > 0
+    if not away.any():
+        return None
+    if richest * charges <= uplink_j[away].min():
+        return (
+            f"a node can be heard from its own cell alone: from the next one an uplink takes "
+            f"{_joules(uplink_j[away].min())}, more than all {slots:,} slots of an episode bring "
+            f"({_loss(scenario, link, link.channel.uplink_frequency_khz)})"
+        )
+    if harvest_j[away].max() * charges <= uplink_j.min():
+        return (
+            f"a node can be charged from its own cell alone: from the next one a slot brings "
+            f"{_joules(harvest_j[away].max())}, and the cheapest uplink takes "
+            f"{_joules(uplink_j.min())} "
+            f"({_loss(scenario, link, link.channel.charging_frequency_khz)})"
+        )
+    return None
+
+
+def _never_binds(
+    scenario: Scenario,
+    link: Link,
+    offsets: npt.NDArray[np.int64],
+    poorest_j: float,
+    dearest_j: float,
+) -> bool:
+    duplex = scenario.duplex
+    if not isinstance(duplex, Tdd):
+        return poorest_j > dearest_j
+    if duplex.beta_rule == "paper":
+        return poorest_j > dearest_j * scenario.num_slots
+    uplink_s = (1 - duplex.beta_min) * link.slot_s
+    required_j = link.channel.required_energy_j(link.power_per_snr_w[offsets], uplink_s)
+    return bool(poorest_j * duplex.beta_min > required_j.max())
+
+
+def _offsets(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
+    """Indices of the links between any cell and any node; entries that no pair has are at 0 m."""
+    nodes = scenario.nodes
+    every = np.arange(2 * grid.num_codes - 1)
+    if not isinstance(nodes, FixedNodes) or grid.num_cells * scenario.num_nodes > MAX_PAIRS:
+        return every
+    cells = grid.encode(grid.all_coordinates())
+    given = grid.encode(np.array(nodes.cells[: scenario.num_nodes]) - 1)
+    return np.unique(cells[:, None] - given + grid.offset_origin)
+
+
+def _loss(scenario: Scenario, link: Link, frequency_khz: float) -> str:
+    spacing_m = scenario.grid.spacing_m
+    loss_db = float(link.channel.attenuation_db(spacing_m, frequency_khz))
+    return f"over {spacing_m:g} m sound of {frequency_khz:g} kHz loses {loss_db:,.0f} dB"
+
+
+def _joules(energy_j: float) -> str:
+    return f"{energy_j:.3g} J" if energy_j < BEYOND_J else f"more than {BEYOND_J:g} J"

@@ -1,0 +1,104 @@
+"""The line that says when energy does not matter, or never suffices."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from iout_marl import World, bundled_names, load_scenario
+from iout_marl.outlook import energy_outlook
+from iout_marl.world import node_codes
+
+HERTZ = {"duplex.uplink_frequency_khz": 30_000, "duplex.charging_frequency_khz": 40_000}
+FAR = {"grid.spacing_m": 1e6, "auvs.speed_m_per_s": 40_000}
+
+
+def outlook(name="paper/k3-fdd", **changes):
+    allowed = {"allow_implausible": [*HERTZ, *FAR, "harvester.sensitivity_db"]}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return energy_outlook(load_scenario(name, changes | allowed))
+
+
+@pytest.mark.parametrize("name", bundled_names())
+def test_of_bundled_scenarios_there_is_nothing_to_say(name):
+    assert energy_outlook(load_scenario(name)) is None
+
+
+@pytest.mark.parametrize("name", ["paper/k3-fdd", "paper/k3-tdd", "best/k3-tdd", "random/k3-fdd"])
+def test_a_forgotten_sign_makes_energy_plentiful(name):
+    line = outlook(name, **{"harvester.sensitivity_db": 150})
+    assert line.startswith("energy can never bind: a slot harvests 5.89e+30 J to ")
+    assert "the dearest uplink takes " in line
+
+
+def test_of_auvs_that_disturb_one_another_less_is_promised():
+    line = outlook("multi/m3-k10-fdd", **{"harvester.sensitivity_db": 150})
+    assert line.startswith("energy can bind only where uplinks disturb one another: a slot ")
+    assert line.endswith(" J alone")
+
+
+@pytest.mark.parametrize("name", ["paper/k3-fdd", "paper/k3-tdd", "multi/m3-k10-tdd"])
+def test_a_source_without_power_delivers_nothing(name):
+    line = outlook(name, **{"charging.power_w": 1e-3})
+    assert line == (
+        "nothing can ever be delivered: a slot harvests 2.95e-06 J to 0.000421 J, and the "
+        "cheapest uplink takes 23.1 J, more than all 100 slots of an episode bring"
+    )
+
+
+@pytest.mark.parametrize(
+    ("key", "name", "reason"),
+    [
+        ("duplex.uplink_frequency_khz", "heard", "over 100 m sound of 30000 kHz loses 24,757 dB"),
+        ("duplex.charging_frequency_khz", "charged", "over 100 m sound of 40000 kHz loses 44,"),
+    ],
+)
+def test_hertz_for_kilohertz(key, name, reason):
+    line = outlook(**{key: HERTZ[key]})
+    assert line.startswith(f"a node can be {name} from its own cell alone: from the next one ")
+    assert reason in line
+
+
+def test_cells_that_are_too_large():
+    line = outlook(**FAR)
+    assert line.startswith("a node can be heard from its own cell alone: from the next one ")
+    assert "more than all 100 slots of an episode bring (over 1e+06 m sound of 30 kHz" in line
+
+
+def test_packets_that_no_band_can_carry():
+    line = outlook(**{"uplink.packet_bits": 1e8, "uplink.bandwidth_hz": 10})
+    assert line.startswith("nothing can ever be delivered: ")
+    assert "takes more than 1e+36 J" in line
+
+
+def test_a_grid_of_one_cell():
+    alone = {"grid.cells": [1, 1, 1], "nodes.cells": [[1, 1, 1]], "auvs.start_cells": [[1, 1, 1]]}
+    assert "energy can never bind: a slot harvests 842 J to 842 J" in outlook(**alone)
+
+
+@pytest.mark.parametrize(
+    ("name", "power_w", "spacing_m", "never_binds"),
+    [
+        ("paper/k3-fdd", 2e3, 100, False),
+        ("paper/k3-fdd", 4e4, 100, False),
+        ("paper/k3-fdd", 1e6, 100, True),
+        ("best/k3-tdd", 1e6, 100, False),
+        ("best/k3-tdd", 1e6, 50, True),
+    ],
+)
+def test_where_energy_never_binds_whoever_is_charged_and_heard_delivers(
+    name, power_w, spacing_m, never_binds
+):
+    changes = {"charging.power_w": power_w, "grid.spacing_m": spacing_m}
+    scenario = load_scenario(name, changes)
+    world, rng = World(scenario, 50), np.random.default_rng(0)
+    state = world.reset(node_codes(scenario, world.grid, [rng] * 50))
+    delivered = []
+    for _ in range(world.num_slots):
+        direction, node = (rng.integers(0, n, (50, 1)) for n in world.action_sizes[:2])
+        action = np.stack([direction, *[node] * (len(world.action_sizes) - 1)], axis=-1)
+        state, events = world.step(state, action)
+        delivered.append(events.delivered)
+    assert (energy_outlook(scenario) or "").startswith("energy can never bind") == never_binds
+    assert np.all(delivered) == never_binds
