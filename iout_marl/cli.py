@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import shlex
 import statistics
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn, cast
 
@@ -25,9 +27,10 @@ from iout_marl.cli_policies import (
 from iout_marl.cli_studies import JsonFile, Overrides, ScenarioArgument, report, reproduce
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation
-from iout_marl.files import write_text
+from iout_marl.files import user_path, write_text
 from iout_marl.policies import BASELINES, UNTRAINED, USUAL
 from iout_marl.scenario import bundled_names, load_scenario, to_yaml
+from iout_marl.terminal import imports_uninterrupted
 
 if TYPE_CHECKING:
     from trainers import TrainingOutcome
@@ -46,6 +49,8 @@ app = typer.Typer(
 
 #: Policies that a table has a column for each of; of more it tells the spread.
 SIDE_BY_SIDE = 4
+#: What part of a mean AoI is much.
+MUCH = 0.25
 #: Rows of the table of an evaluation: metric, heading, decimals.
 ROWS = (
     ("mean_aoi", "mean AoI", 2),
@@ -132,7 +137,7 @@ def train(
         ),
     ] = True,
 ) -> None:
-    """Train a policy by PPO. Ctrl-C saves; --resume goes on.
+    """Train a policy by PPO. Ctrl-C saves, as do SIGTERM and SIGHUP; --resume goes on.
 
     Several processes train one policy by `torchrun --nproc-per-node N -m trainers.ppo SCENARIO …`.
     """
@@ -140,6 +145,8 @@ def train(
     if steps is not None:
         settings.append(f"training.steps={steps}")
     loaded = load_scenario(scenario, settings)
+    out = out if out is None else user_path(out, "--out")
+    resume = resume if resume is None else user_path(resume, "--resume")
     if resume is not None and out is not None and out != resume:
         raise InputError("--out and --resume name different folders; --resume goes on in its own")
     if resume is not None and seed is not None:
@@ -150,9 +157,10 @@ def train(
     if seed + replicas - 1 > MAX_SEED:
         raise InputError(f"--replicas {replicas}: the last seed would be above {MAX_SEED}")
 
-    import torch
+    with imports_uninterrupted():
+        import torch
 
-    import trainers
+        import trainers
 
     # More threads than one gain little on networks of this size, and cost much on busy cores.
     torch.set_num_threads(threads or 1)
@@ -172,6 +180,8 @@ def train(
         )
     if group.rank == 0:
         _report(outcome, folder, scenario, settings, graphs=graphs)
+    if outcome.signal is not None:
+        raise typer.Exit(128 + outcome.signal)
 
 
 def _report(
@@ -181,19 +191,49 @@ def _report(
         words = ["iout", "train", scenario, "--resume", str(run)]
         words += [] if graphs else ["--no-graphs"]
         words += [word for setting in settings for word in ("--set", setting)]
-        typer.echo(
-            f"stopped after {outcome.trainer.env_steps:,} environment steps; "
-            f"go on with: {shlex.join(words)}"
-        )
+        # The status says that it was stopped, even where nobody can be told so.
+        with suppress(OSError):
+            typer.echo(
+                f"stopped after {outcome.trainer.env_steps:,} environment steps; "
+                f"go on with: {shlex.join(words)}"
+            )
         return
+    typer.echo("evaluation by most probable actions:")
     if len(outcome.evaluations) > SIDE_BY_SIDE:
         _print_spread(outcome.evaluations)
     else:
         _print_table(outcome.evaluations)
+    for note in _notes(outcome, scenario):
+        typer.echo(note)
+    folder = shlex.quote(str(run))
     typer.echo(
-        f"trained for {outcome.seconds:.0f} s; the run is in {run} "
-        f"(curves: tensorboard --logdir {run})"
+        f"trained for {outcome.seconds:.0f} s; the run is in {folder} "
+        f"(curves: tensorboard --logdir {folder})"
     )
+
+
+def _notes(outcome: TrainingOutcome, scenario: str) -> list[str]:
+    """Where a policy's sampled actions and its most probable ones differ much: what to do."""
+    notes = []
+    for run, evaluation, sampled in zip(
+        outcome.runs, outcome.evaluations, outcome.sampled_aoi, strict=True
+    ):
+        probable = evaluation.metrics["mean_aoi"]
+        if sampled is None:
+            continue
+        difference = abs(probable.mean - sampled)
+        margin = 0.0 if math.isnan(probable.margin) else probable.margin
+        if difference > max(MUCH * min(sampled, probable.mean), margin):
+            words = ["iout", "evaluate", scenario, "--policy", str(run.path), "--sampled"]
+            notes.append(
+                f"note: mean AoI was {sampled:.2f} with sampled actions at the end of the "
+                f"training, and is {probable.mean:.2f} with the most probable ones, which can go "
+                f"in circles; see: {shlex.join(words)}"
+            )
+    # Of many policies alike, one tells enough.
+    if len(notes) > 1:
+        notes[1:] = [f"note: the same holds of {len(notes) - 1} more"]
+    return notes
 
 
 @app.command("evaluate")

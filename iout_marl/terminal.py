@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import io
+import signal
 import sys
-from contextlib import suppress
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
 from rich.console import Console
@@ -59,3 +62,27 @@ def progress_console(**options: Any) -> Console:
     """
     settings: dict[str, Any] = {"markup": False, "highlight": False, "emoji": False, **options}
     return Console(file=_Unfailing(sys.stderr), **settings)  # type: ignore[arg-type]
+
+
+@contextmanager
+def imports_uninterrupted() -> Iterator[None]:
+    """Let a Ctrl-C wait until what is imported within is there.
+
+    Libraries that are interrupted as they load make errors of their own of it.
+
+    Raises:
+        KeyboardInterrupt: one has come.
+    """
+    received: list[int] = []
+    before = signal.getsignal(signal.SIGINT)
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main or before in (None, signal.SIG_IGN):  # none arrives here
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda number, _: received.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if received:
+        raise KeyboardInterrupt

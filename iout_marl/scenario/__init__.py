@@ -1,7 +1,7 @@
 """Scenarios: YAML files that say all that changes a result."""
 
 from iout_marl.scenario.layers import show_file
-from iout_marl.scenario.loading import load_scenario, to_yaml
+from iout_marl.scenario.loading import load_scenario, parse_scenario, to_yaml
 from iout_marl.scenario.schema import Scenario, Training
 from iout_marl.scenario.sections import (
     Fdd,
@@ -30,6 +30,7 @@ __all__ = [
     "bundled_root",
     "find_scenario",
     "load_scenario",
+    "parse_scenario",
     "show_file",
     "to_yaml",
 ]

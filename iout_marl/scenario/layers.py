@@ -103,12 +103,24 @@ def read_file(path: Path) -> Layer:
     Raises:
         InputError: the file cannot be read, is not YAML, or is not a mapping.
     """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{show_file(path)}: cannot be read: {error.strerror}") from None
+    return parse_file(path, data)
+
+
+def parse_file(path: Path, contents: bytes) -> Layer:
+    """`read_file` for a file whose contents are known.
+
+    Raises:
+        InputError: they are not YAML, or not a mapping.
+    """
     name = show_file(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise InputError(f"{name}: cannot be read: {reason}") from None
+        text = contents.decode()
+    except UnicodeDecodeError:
+        raise InputError(f"{name}: cannot be read: not UTF-8 text") from None
     origins: dict[KeyPath, str] = {(): name}
     data = _values(text, name, origins)
     if data is None:

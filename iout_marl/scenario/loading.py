@@ -18,6 +18,7 @@ from iout_marl.scenario.layers import (
     KeyPath,
     Layer,
     overrides_layer,
+    parse_file,
     pop_bases,
     read_file,
     read_with_bases,
@@ -60,6 +61,15 @@ def load_scenario(
         layer.data.setdefault("name", _name_of(path))
     layer = overrides_layer(overrides).over(layer)
     return validate(Scenario, _with_preset(layer, path))
+
+
+def parse_scenario(path: Path, contents: bytes) -> Scenario:
+    """The scenario in a file that extends no other, that of a run say, whose contents are known.
+
+    Raises:
+        InputError: as by `load_scenario`.
+    """
+    return validate(Scenario, _with_preset(parse_file(path, contents), path))
 
 
 def _mapping_layer(source: Mapping[str, Any]) -> Layer:

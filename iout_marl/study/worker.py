@@ -11,7 +11,9 @@ from pathlib import Path
 
 from iout_marl.bounds import bound
 from iout_marl.episode import record_episode
+from iout_marl.errors import InputError
 from iout_marl.evaluation import evaluate
+from iout_marl.files import LOCK_NAME
 from iout_marl.policies import Budget, PlannerPolicy
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.study.cells import Cell
@@ -23,8 +25,8 @@ from iout_marl.world import pin_layout
 #: What of a training's log goes into the report, and at how many points at most.
 CURVES = ("aoi/mean", "fairness/jain", "energy/harvested_kj", "reward/total")
 CURVE_POINTS = 60
-#: Of a run's folder, what only serves to go on with an unfinished training.
-LEFT_OUT = ("checkpoint.pt",)
+#: Of a run's folder, what only serves an unfinished training.
+LEFT_OUT = ("checkpoint.pt", LOCK_NAME)
 
 
 @dataclass(frozen=True)
@@ -72,17 +74,23 @@ def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
     torch.set_num_threads(1)
     _warm_up()
     with tempfile.TemporaryDirectory(prefix="iout-") as folder:
-        outcome, emissions = measured(
-            lambda: trainers.train(
-                cell.scenario,
-                Path(folder) / "run",
-                cell.seed,
-                console=Console(quiet=True),
-                evaluation_episodes=cell.episodes,
-                catch_signals=False,
-            ),
-            carbon_g_per_kwh,
-        )
+        run = Path(folder) / "run"
+        try:
+            outcome, emissions = measured(
+                lambda: trainers.train(
+                    cell.scenario,
+                    run,
+                    cell.seed,
+                    console=Console(quiet=True),
+                    evaluation_episodes=cell.episodes,
+                    catch_signals=False,
+                ),
+                carbon_g_per_kwh,
+            )
+        except trainers.DivergedError as error:
+            raise InputError(error.reason) from None
+        except InputError as error:  # of a folder that will be gone
+            raise InputError(str(error).replace(f"{run}: ", "")) from None
         assert outcome.evaluation is not None  # nothing stops it early
         training = TrainingRecord(
             settings=cell.scenario.training.model_dump(mode="json"),
@@ -109,13 +117,16 @@ def _warm_up() -> None:
 
 def _curve(path: Path) -> dict[str, list[float]]:
     """The log of a training, thinned; rollouts in which no episode ended are left out."""
-    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    lines = [line for line in lines if "aoi/mean" in line]
-    every = -(-len(lines) // CURVE_POINTS) or 1
-    kept = lines[every - 1 :: every]
-    if lines and kept[-1:] != lines[-1:]:
-        kept.append(lines[-1])
-    return {name: rounded(line[name] for line in kept) for name in ("env_steps", *CURVES)}
+    from trainers.metrics import read_rows
+
+    names = ("env_steps", *CURVES)
+    rows, _ = read_rows(path)
+    rows = [row for row in rows if all(row.get(name) is not None for name in names)]
+    every = -(-len(rows) // CURVE_POINTS) or 1
+    kept = rows[every - 1 :: every]
+    if rows and kept[-1:] != rows[-1:]:
+        kept.append(rows[-1])
+    return {name: rounded(row[name] for row in kept) for name in names}
 
 
 def _today() -> str:
