@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 import signal
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -34,7 +36,13 @@ from iout_marl.evaluation import MAX_EPISODES
 from iout_marl.outlook import energy_outlook
 from iout_marl.policies import BASELINES, UNTRAINED, USUAL
 from iout_marl.scenario import Scenario, bundled_names, load_scenario, to_yaml
-from iout_marl.terminal import complain, finish_output, prepare_streams, present
+from iout_marl.terminal import (
+    complain,
+    finish_output,
+    imports_uninterrupted,
+    prepare_streams,
+    present,
+)
 from iout_marl.whole import MAX_SEED
 
 if TYPE_CHECKING:
@@ -46,6 +54,9 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="AUVs that charge underwater sensor nodes by sound and collect their data.",
 )
+
+#: What part of a mean AoI is much.
+MUCH = 0.25
 
 
 def _print_version(value: bool) -> None:  # noqa: FBT001 (Typer calls it so)
@@ -141,7 +152,7 @@ def train(
         ),
     ] = True,
 ) -> None:
-    """Train a policy by PPO. Ctrl-C saves; --resume goes on.
+    """Train a policy by PPO. Ctrl-C saves, as do SIGTERM and SIGHUP; --resume goes on.
 
     Several processes train one policy by `torchrun --nproc-per-node N -m trainers.ppo SCENARIO …`.
     """
@@ -160,9 +171,10 @@ def train(
     if seed + replicas - 1 > MAX_SEED:
         raise InputError(f"--replicas {replicas}: the last seed would be above {MAX_SEED}")
 
-    import torch
+    with imports_uninterrupted():
+        import torch
 
-    import trainers
+        import trainers
 
     # More threads than one gain little on networks of this size, and cost much on busy cores.
     torch.set_num_threads(threads or 1)
@@ -182,6 +194,8 @@ def train(
         )
     if group.rank == 0:
         _report(outcome, folder, scenario, settings, graphs=graphs)
+    if outcome.signal is not None:
+        raise typer.Exit(128 + outcome.signal)
 
 
 def _report(
@@ -191,19 +205,49 @@ def _report(
         words = ["iout", "train", scenario, "--resume", str(run)]
         words += [] if graphs else ["--no-graphs"]
         words += [word for setting in settings for word in ("--set", setting)]
-        present(
-            f"stopped after {outcome.trainer.env_steps:,} environment steps; "
-            f"go on with: {shlex.join(words)}"
-        )
+        # The status says that it was stopped, even where nobody can be told so.
+        with suppress(OSError):
+            present(
+                f"stopped after {outcome.trainer.env_steps:,} environment steps; "
+                f"go on with: {shlex.join(words)}"
+            )
         return
+    present("evaluation by most probable actions:")
     if len(outcome.evaluations) > SIDE_BY_SIDE:
         show_spread(outcome.evaluations)
     else:
         show_columns(outcome.evaluations)
+    for note in _notes(outcome, scenario):
+        present(note)
+    folder = shlex.quote(str(run))
     present(
-        f"trained for {outcome.seconds:.0f} s; the run is in {run} "
-        f"(curves: tensorboard --logdir {shlex.quote(str(run))})"
+        f"trained for {outcome.seconds:.0f} s; the run is in {folder} "
+        f"(curves: tensorboard --logdir {folder})"
     )
+
+
+def _notes(outcome: TrainingOutcome, scenario: str) -> list[str]:
+    """Where a policy's sampled actions and its most probable ones differ much: what to do."""
+    notes = []
+    for run, evaluation, sampled in zip(
+        outcome.runs, outcome.evaluations, outcome.sampled_aoi, strict=True
+    ):
+        probable = evaluation.metrics["mean_aoi"]
+        if sampled is None:
+            continue
+        difference = abs(probable.mean - sampled)
+        margin = 0.0 if math.isnan(probable.margin) else probable.margin
+        if difference > max(MUCH * min(sampled, probable.mean), margin):
+            words = ["iout", "evaluate", scenario, "--policy", str(run.path), "--sampled"]
+            notes.append(
+                f"note: mean AoI was {sampled:.2f} with sampled actions at the end of the "
+                f"training, and is {probable.mean:.2f} with the most probable ones, which can go "
+                f"in circles; see: {shlex.join(words)}"
+            )
+    # Of many policies alike, one tells enough.
+    if len(notes) > 1:
+        notes[1:] = [f"note: the same holds of {len(notes) - 1} more"]
+    return notes
 
 
 @app.command("evaluate")

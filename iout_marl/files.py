@@ -23,6 +23,27 @@ def reason(error: OSError) -> str:
     return error.strerror or (str(error).strip() or type(error).__name__).splitlines()[0]
 
 
+def user_path(given: object, what: str) -> Path:
+    """A path that a user gave, with `~` for the home folder.
+
+    Args:
+        given: text or a path; whatever else it is, is refused.
+        what: the option or argument, for the message.
+
+    Raises:
+        InputError: it is empty, or no path.
+    """
+    if not isinstance(given, str | os.PathLike):
+        raise InputError(f"{what}: must be a path, not {type(given).__name__}")
+    text = os.fspath(given)
+    if not isinstance(text, str) or "\0" in text or not text.strip():
+        raise InputError(f"{what}: must be a path, not {text!r}")
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:  # a user of that name is not known
+        return Path(text)
+
+
 def read_if_there(path: Path) -> bytes | None:
     """What a file holds; None where there is no such file. Never waits, as a pipe would let it.
 
@@ -70,7 +91,7 @@ def write_together(files: Mapping[Path, bytes]) -> None:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
         kept = "; the one before stands" if path.exists() else ""
-        raise InputError(f"{path}: cannot be written: {error.strerror}{kept}") from None
+        raise InputError(f"{path}: cannot be written: {reason(error)}{kept}") from None
 
 
 def write_text(path: Path, text: str) -> None:
@@ -88,7 +109,7 @@ def write_text(path: Path, text: str) -> None:
             return
         target = path.resolve() if path.is_symlink() else path
     except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+        raise InputError(f"{path}: cannot be written: {reason(error)}") from None
     write_atomically(target, data)
 
 
@@ -127,28 +148,29 @@ def read_json(path: Path) -> Any:
     try:
         return parse_json(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+        raise InputError(f"{path}: cannot be read: {reason(error)}") from None
     except ValueError as error:
         raise InputError(f"{path}: cannot be read: damaged, it is no JSON ({error})") from None
 
 
 @contextmanager
-def locked(folder: Path, refusal: str) -> Iterator[None]:
+def locked(folder: Path, refusal: str, patience_s: float = 0.0) -> Iterator[None]:
     """Keep other processes out of a folder; the system lets go when this one ends, however it does.
 
     Args:
         folder: the folder, which must be there.
         refusal: what to say if another process has it, such as "another study is running in it".
+        patience_s: how long to wait for it.
 
     Raises:
         InputError: another process has it, or the lock cannot be written.
     """
-    lock = FileLock(folder / LOCK_NAME, timeout=0)
+    lock = FileLock(folder / LOCK_NAME, timeout=patience_s)
     try:
         lock.acquire()
     except Timeout:
         raise InputError(f"{folder}: {refusal}") from None
     except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+        raise InputError(f"{folder}: cannot be written: {reason(error)}") from None
     with lock:
         yield

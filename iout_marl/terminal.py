@@ -5,8 +5,11 @@ from __future__ import annotations
 import errno
 import io
 import os
+import signal
 import sys
-from contextlib import suppress
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
 from rich.console import Console, RenderableType
@@ -132,3 +135,27 @@ def finish_output() -> OSError | None:
         error.filename = "standard output"
         return error
     return None
+
+
+@contextmanager
+def imports_uninterrupted() -> Iterator[None]:
+    """Let a Ctrl-C wait until what is imported within is there.
+
+    Libraries that are interrupted as they load make errors of their own of it.
+
+    Raises:
+        KeyboardInterrupt: one has come.
+    """
+    received: list[int] = []
+    before = signal.getsignal(signal.SIGINT)
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main or before in (None, signal.SIG_IGN):  # none arrives here
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda number, _: received.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if received:
+        raise KeyboardInterrupt

@@ -3,10 +3,11 @@
 from trainers.group import Group, started_group
 from trainers.ppo import Trainer
 from trainers.run_folder import RunFolder
-from trainers.train import TrainingOutcome, find_device, train
+from trainers.train import DivergedError, TrainingOutcome, find_device, train
 from trainers.trained import TrainedPolicy
 
 __all__ = [
+    "DivergedError",
     "Group",
     "RunFolder",
     "TrainedPolicy",

@@ -44,6 +44,10 @@ class Group:
         """Whether any process's flag is set, the same in all."""
         return flag
 
+    def largest(self, number: int) -> int:
+        """The largest of every process's numbers, the same in all."""
+        return number
+
     def join(self, tensor: Tensor) -> Tensor:
         """The tensors of all processes, one after the other along the first axis."""
         return tensor
@@ -68,6 +72,12 @@ class DistributedGroup(Group):
 
     def any(self, flag: bool) -> bool:  # noqa: FBT001
         return bool(self.sum(torch.tensor(float(flag), device=self._device)) > 0)
+
+    def largest(self, number: int) -> int:
+        tensor = torch.tensor(number, device=self._device)
+        with _told_plainly():
+            distributed.all_reduce(tensor, distributed.ReduceOp.MAX)
+        return int(tensor)
 
     def join(self, tensor: Tensor) -> Tensor:
         here = tensor.to(self._device).contiguous()
@@ -101,15 +111,17 @@ def started_group(device: torch.device) -> Iterator[tuple[Group, torch.device]]:
         device: where to train; of several GPUs each process takes one.
 
     Raises:
-        InputError: there are more processes than GPUs on this machine, or they do not find
-            one another.
+        InputError: there are more processes than GPUs on this machine, they do not find
+            one another, or what `torchrun` says in the environment is no number.
     """
-    if not distributed.is_torchelastic_launched() or os.environ["WORLD_SIZE"] == "1":
+    # Without a size, it is only what a `torchrun` of before has left in the environment.
+    is_launched = distributed.is_torchelastic_launched() and "WORLD_SIZE" in os.environ
+    if not is_launched or _number("WORLD_SIZE") == 1:
         yield Group(), device
         return
     on_gpu = device.type == "cuda"
     if on_gpu:
-        local_rank = int(os.environ["LOCAL_RANK"])
+        local_rank = _number("LOCAL_RANK")
         if local_rank >= torch.cuda.device_count():
             raise InputError(
                 f"--nproc-per-node: more processes than the {torch.cuda.device_count()} GPUs of "
@@ -126,3 +138,14 @@ def started_group(device: torch.device) -> Iterator[tuple[Group, torch.device]]:
         yield DistributedGroup(device), device
     finally:
         distributed.destroy_process_group()
+
+
+def _number(name: str) -> int:
+    """A number that `torchrun` puts into the environment."""
+    text = os.environ.get(name, "")
+    if not (text.isascii() and text.isdigit()):
+        raise InputError(
+            f"torchrun: {name} must be a number in the environment, not {text!r}; to train "
+            "alone, unset TORCHELASTIC_RUN_ID"
+        )
+    return int(text)

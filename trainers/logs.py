@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from statistics import fmean
 from types import TracebackType
 from typing import Any, Self
@@ -15,14 +15,23 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from torch.utils.tensorboard import SummaryWriter
 
 from iout_marl.errors import InputError
+from iout_marl.files import reason, to_json, write_atomically
+from trainers.metrics import damaged_lines, read_rows, row
 from trainers.run_folder import RunFolder
 
 #: Seconds between two lines where there is no terminal to draw a bar in.
 LINE_EVERY_S = 10.0
 
 
+def unfailing() -> suppress:
+    """For what is only shown: a terminal that has gone costs no training."""
+    return suppress(OSError, ValueError)
+
+
 class TrainingLog:
     """Writes each iteration to TensorBoard, to `metrics.jsonl` and to the terminal.
+
+    All figures are of sampled actions, by which a policy learns, not of its most probable ones.
 
     Args:
         runs: the folder of each policy that is trained; none to write nothing and show nothing.
@@ -40,7 +49,7 @@ class TrainingLog:
         env_steps: int,
         console: Console,
     ) -> None:
-        self._runs = [_RunLog(run, env_steps) for run in runs]
+        self._runs = [_RunLog(run, env_steps, console) for run in runs]
         self._console = console
         self._last_line = self._last_write = time.monotonic()
         self._writing_s = 0.0
@@ -48,7 +57,7 @@ class TrainingLog:
             TextColumn("{task.description}"),
             BarColumn(bar_width=None),
             TextColumn("{task.percentage:>3.0f} %"),
-            TextColumn("AoI {task.fields[aoi]:6.2f}"),
+            TextColumn("sampled AoI {task.fields[aoi]:6.2f}"),
             TextColumn("Jain {task.fields[jain]:.3f}"),
             TextColumn("{task.fields[kj]:5.2f} kJ"),
             TextColumn("{task.fields[rate]:>7,.0f} steps/s"),
@@ -67,7 +76,8 @@ class TrainingLog:
         # raise the same error once more, which is then told in one line.
         self._usual_hook = threading.excepthook
         threading.excepthook = self._without_tensorboard
-        self._progress.start()
+        with unfailing():
+            self._progress.start()
         return self
 
     def __exit__(
@@ -76,7 +86,8 @@ class TrainingLog:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._progress.stop()
+        with unfailing():
+            self._progress.stop()
         try:
             for run in self._runs:
                 run.close(quietly=error is not None)
@@ -102,7 +113,8 @@ class TrainingLog:
         for run, log in zip(self._runs, logs, strict=bool(self._runs)):
             run.write(env_steps, {**log, "speed/logging_share": share})
         if self._runs:
-            self._show(env_steps, {tag: fmean(log[tag] for log in logs) for tag in logs[0]})
+            with unfailing():
+                self._show(env_steps, {tag: fmean(log[tag] for log in logs) for tag in logs[0]})
         self._writing_s = time.monotonic() - now
 
     def _show(self, env_steps: int, log: dict[str, float]) -> None:
@@ -118,56 +130,57 @@ class TrainingLog:
             self._last_line = now
             shown: dict[str, Any] = self._progress.tasks[0].fields
             self._console.print(
-                f"{self._name}  {min(env_steps / self._total, 1):4.0%}  AoI {shown['aoi']:.2f}  "
-                f"Jain {shown['jain']:.3f}  {shown['kj']:.2f} kJ  {shown['rate']:,.0f} steps/s",
+                f"{self._name}  {min(env_steps / self._total, 1):4.0%}  sampled AoI "
+                f"{shown['aoi']:.2f}  Jain {shown['jain']:.3f}  {shown['kj']:.2f} kJ  "
+                f"{shown['rate']:,.0f} steps/s",
                 highlight=False,
+                markup=False,
             )
 
 
 class _RunLog:
     """The log files of one run."""
 
-    def __init__(self, run: RunFolder, env_steps: int) -> None:
+    def __init__(self, run: RunFolder, env_steps: int, console: Console) -> None:
         self._run = run
-        _cut_off(run, env_steps)
+        _cut_off(run, env_steps, console)
         purge_step = env_steps + 1 if env_steps else None  # of the steps that it hides, the first
-        try:
+        with self._written():
             self._writer = SummaryWriter(str(run.path), purge_step=purge_step)
             self._metrics = run.metrics_path.open("a", encoding="utf-8")
-        except OSError as error:
-            raise self._unwritable(error) from None
 
     def write(self, env_steps: int, log: dict[str, float]) -> None:
-        try:
+        with self._written():
+            self._metrics.write(row(env_steps, log))
+            self._metrics.flush()
             for tag, value in log.items():
                 self._writer.add_scalar(tag, value, env_steps)
-            self._metrics.write(json.dumps({"env_steps": env_steps, **log}) + "\n")
-            self._metrics.flush()
-        except OSError as error:
-            raise self._unwritable(error) from None
 
     def close(self, *, quietly: bool) -> None:
         try:
-            self._metrics.close()
-            self._writer.close()
-        except OSError as error:
+            with self._written():
+                self._metrics.close()
+            with self._written():
+                self._writer.close()
+        except InputError:
             if not quietly:
-                raise self._unwritable(error) from None
+                raise
 
-    def _unwritable(self, error: OSError) -> InputError:
-        return InputError(f"{self._run.path}: cannot be written: {error.strerror}")
-
-
-def _cut_off(run: RunFolder, env_steps: int) -> None:
-    """Drop the lines of iterations after the checkpoint that training goes on from."""
-    path = run.metrics_path
-    if not path.is_file():
-        return
-    kept = []
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True):
+    @contextmanager
+    def _written(self) -> Iterator[None]:
         try:
-            if json.loads(line)["env_steps"] <= env_steps:
-                kept.append(line)
-        except (ValueError, TypeError, LookupError):
-            break  # a line that was cut short as the process ended
-    run.write_text(path.name, "".join(kept))
+            yield
+        except OSError as error:
+            raise InputError(f"{self._run.path}: cannot be written: {reason(error)}") from None
+
+
+def _cut_off(run: RunFolder, env_steps: int, console: Console) -> None:
+    """Drop the rows of iterations after the checkpoint that training goes on from."""
+    path = run.metrics_path
+    rows, skipped = read_rows(path)
+    if skipped:
+        with unfailing():
+            console.print(damaged_lines(path, skipped), highlight=False, markup=False)
+    kept = [each for each in rows if each["env_steps"] <= env_steps]
+    if rows or skipped:
+        write_atomically(path, "".join(to_json(each) + "\n" for each in kept).encode())

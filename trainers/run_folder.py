@@ -5,9 +5,11 @@
 | `scenario.yaml` | the scenario, resolved |
 | `policy.safetensors`, `policy.json` | the networks' weights, and their shape |
 | `checkpoint.pt` | all that training goes on from |
+| `result.json` | the final policy's evaluation |
+| `run.json` | which contents of the files above belong together, see `trainers.saving` |
 | `metrics.jsonl` | a line for every iteration |
 | `events.out.tfevents.*` | the same for TensorBoard |
-| `result.json` | the final policy's evaluation |
+| `.lock` | keeps a second training out |
 """
 
 from __future__ import annotations
@@ -26,9 +28,11 @@ import safetensors.torch
 import torch
 
 from iout_marl.errors import InputError
-from iout_marl.files import write_atomically
-from iout_marl.scenario import Scenario, load_scenario, to_yaml
+from iout_marl.files import parse_json, reason, user_path
+from iout_marl.scenario import Scenario, parse_scenario
 from iout_marl.world import WORLD_VERSION, World
+from trainers import saving
+from trainers.checking import check_like
 from trainers.factory import make_network
 from trainers.networks import ActorCritic
 from trainers.ppo import Trainer
@@ -36,15 +40,26 @@ from trainers.trained import TrainedPolicy
 
 #: Changes whenever older files can no longer be read.
 FORMAT = 2
-#: Files that a new run must not replace; logs without them are of a run that never saved.
-RESULTS = ("checkpoint.pt", "policy.safetensors", "policy.json", "result.json")
+#: What `policy.json` must say to be of use, and in which type.
+_SHAPE = {"world_hash": str, "source_world_hash": str, "mask_actions": bool}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class RunFolder:
-    """The folder of a run."""
+    """The folder of a run.
+
+    Args:
+        path: where it is.
+
+    Raises:
+        InputError: when made, of what is no path; when read, of files that cannot be read or
+            are damaged.
+    """
 
     path: Path
+
+    def __init__(self, path: str | Path) -> None:
+        object.__setattr__(self, "path", user_path(path, "run folder"))
 
     @property
     def checkpoint_path(self) -> Path:
@@ -62,53 +77,28 @@ class RunFolder:
         Raises:
             InputError: the folder holds a run already.
         """
-        try:
-            used = any((self.path / name).exists() for name in RESULTS)
-        except OSError as error:
-            raise InputError(f"{self.path}: cannot be read: {error.strerror}") from None
-        if used:
+        if saving.is_used(self.path):
             raise InputError(
-                f"{self.path}: holds a run already; go on with it by --resume {self.path}, "
+                f"{self.path}: holds a run already; go on with it by --resume, "
                 "or name another folder by --out"
             )
 
-    def create(self, scenario: Scenario) -> None:
-        """Make the folder for a new run; what `refuse_if_used` finds would be written over.
+    def create(self) -> None:
+        """Make the folder ready for a new run, once `refuse_if_used` has found none.
 
         Raises:
             InputError: it cannot be made.
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            for leftover in (self.metrics_path, *self.path.glob("events.out.tfevents.*")):
-                leftover.unlink(missing_ok=True)
+            saving.clear(self.path, [self.metrics_path, *self.path.glob("events.out.tfevents.*")])
         except OSError as error:
-            raise InputError(f"{self.path}: cannot be made: {error.strerror}") from None
-        self.write_scenario(scenario)
-
-    def write_scenario(self, scenario: Scenario) -> None:
-        """Write down which scenario the run is of."""
-        self.write_text("scenario.yaml", to_yaml(scenario))
-
-    def write_text(self, name: str, text: str) -> None:
-        """Write one of the folder's files atomically."""
-        write_atomically(self.path / name, text.encode())
-
-    def scenario(self) -> Scenario:
-        """The run's scenario.
-
-        Raises:
-            InputError: the folder holds no run.
-        """
-        path = self.path / "scenario.yaml"
-        if not path.is_file():
-            raise InputError(f"{self.path}: holds no run: there is no scenario.yaml in it")
-        return load_scenario(path.resolve())
+            raise InputError(f"{self.path}: cannot be made: {reason(error)}") from None
 
     def saved_files(
         self, trainer: Trainer, state: dict[str, Any], source: Scenario, policy: int = 0
-    ) -> dict[Path, bytes]:
-        """What there is to save, checkpoint and policy, by path.
+    ) -> dict[str, bytes]:
+        """What there is to save, all but scenario and result, by name.
 
         Args:
             trainer: what to save.
@@ -143,31 +133,43 @@ class RunFolder:
             "mask_actions": trainer.settings.mask_actions,
         }
         return {
-            self.checkpoint_path: buffer.getvalue(),
-            self.path / "policy.safetensors": safetensors.torch.save(weights),
-            self.path / "policy.json": (json.dumps(shape, indent=2) + "\n").encode(),
+            "policy.safetensors": safetensors.torch.save(weights),
+            "policy.json": (json.dumps(shape, indent=2) + "\n").encode(),
+            "checkpoint.pt": buffer.getvalue(),
         }
 
-    def load_checkpoint(self, device: torch.device) -> dict[str, Any]:
-        """The trainer's `state_dict` from the checkpoint.
+    def scenario(self) -> Scenario:
+        """The run's scenario.
+
+        Raises:
+            InputError: the folder holds no run.
+        """
+        return self._scenario(self._files())
+
+    def result(self) -> bytes | None:
+        """`result.json`; None where the training is not finished."""
+        return self._files().get("result.json")
+
+    def load_checkpoint(self) -> dict[str, Any]:
+        """The trainer's `state_dict` from the checkpoint, on the CPU; not checked any further.
 
         Raises:
             InputError: there is none, it is damaged, of another version, or holds objects
                 other than tensors and plain values.
         """
-        path = self.checkpoint_path
-        if not path.is_file():
+        files, path = self._files(), self.checkpoint_path
+        if path.name not in files:
             raise InputError(f"{self.path}: holds no checkpoint")
         with readable(path):
-            saved = torch.load(path, map_location=device, weights_only=True)
+            contents = io.BytesIO(files[path.name])
+            saved = torch.load(contents, map_location="cpu", weights_only=True)
         _check_version(path, saved)
-        if saved.get("world_hash") != self.scenario().world_hash:
+        world_hash = saved.get("world_hash")
+        if not isinstance(world_hash, str) or world_hash != self._scenario(files).world_hash:
             raise InputError(f"{path}: is of another scenario than scenario.yaml beside it")
-        with readable(path):
-            trainer: dict[str, Any] = saved["trainer"]
-            # Streams live on the CPU whatever device they are for.
-            simulation = trainer["simulation"]
-            simulation["generator"] = simulation["generator"].cpu()
+        trainer = saved.get("trainer")
+        if not isinstance(trainer, dict):
+            raise InputError(f"{path}: cannot be read: trainer is no mapping")
         return trainer
 
     def policy_shape(self) -> dict[str, Any]:
@@ -176,16 +178,7 @@ class RunFolder:
         Raises:
             InputError: there is no policy, or it is of another version.
         """
-        path = self.path / "policy.json"
-        if not path.is_file() or not (self.path / "policy.safetensors").is_file():
-            raise InputError(f"{self.path}: holds no trained policy")
-        with readable(path):
-            shape: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        _check_version(path, shape)
-        lacking = {"world_hash", "source_world_hash", "mask_actions"} - set(shape)
-        if lacking:
-            raise InputError(f"{path}: cannot be read: lacks {min(lacking)!r}")
-        return shape
+        return self._shape(self._files())
 
     def load_policy(self, device: str | torch.device = "cpu") -> TrainedPolicy:
         """The trained policy.
@@ -193,17 +186,45 @@ class RunFolder:
         Raises:
             InputError: there is none, it is damaged, or of another version.
         """
-        shape = self.policy_shape()
-        scenario = self.scenario()
+        files = self._files()
+        shape = self._shape(files)
+        scenario = self._scenario(files)
         if scenario.world_hash != shape["world_hash"]:
             raise InputError(f"{self.path}: its policy is of another scenario than scenario.yaml")
         world = World(scenario)
         network: ActorCritic = make_network(world.observer, world.action_sizes, scenario.training)
         path = self.path / "policy.safetensors"
         with readable(path):
-            network.load_state_dict(safetensors.torch.load_file(path))
+            weights = safetensors.torch.load(files[path.name])
+        check_like(path, weights, network.state_dict())
+        network.load_state_dict(weights)
         network.to(device).eval()
         return TrainedPolicy(network, name=str(self.path), use_mask=shape["mask_actions"])
+
+    def _files(self) -> dict[str, bytes]:
+        files = saving.read_save(self.path)
+        if not files:
+            if self.path.is_dir() and any(self.path.glob("events.out.tfevents.*")):
+                raise InputError(f"{self.path}: nothing has been saved in it yet: no policy")
+            raise InputError(f"{self.path}: holds no run: there is no scenario.yaml in it")
+        return files
+
+    def _scenario(self, files: dict[str, bytes]) -> Scenario:
+        if "scenario.yaml" not in files:
+            raise InputError(f"{self.path}: holds no run: there is no scenario.yaml in it")
+        return parse_scenario(self.path / "scenario.yaml", files["scenario.yaml"])
+
+    def _shape(self, files: dict[str, bytes]) -> dict[str, Any]:
+        path = self.path / "policy.json"
+        if not {"policy.json", "policy.safetensors"} <= set(files):
+            raise InputError(f"{self.path}: holds no trained policy")
+        with readable(path):
+            shape: dict[str, Any] = parse_json(files["policy.json"].decode())
+        _check_version(path, shape)
+        for key, kind in _SHAPE.items():
+            if not isinstance(shape.get(key), kind):
+                raise InputError(f"{path}: cannot be read: lacks {key!r}, or it is no {kind}")
+        return shape
 
 
 @contextmanager
@@ -215,17 +236,23 @@ def readable(path: Path) -> Iterator[None]:
         raise InputError(
             f"{path}: refused: damaged, or it holds Python objects, which could run any code"
         ) from None
+    except MemoryError:
+        raise InputError(f"{path}: cannot be read: not enough memory") from None
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+        raise InputError(f"{path}: cannot be read: {reason(error)}") from None
     except Exception as error:
         # What a loader raises on a damaged file depends on where the damage lies.
-        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise InputError(f"{path}: cannot be read: {reason}") from None
+        why = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise InputError(f"{path}: cannot be read: {why}") from None
 
 
 def _check_version(path: Path, saved: Any) -> None:
     versions = (FORMAT, WORLD_VERSION)
-    found = (saved.get("format"), saved.get("world_version")) if isinstance(saved, dict) else None
+    found = None
+    if isinstance(saved, dict):
+        given = (saved.get("format"), saved.get("world_version"))
+        # A tensor, say, has an equality of its own.
+        found = tuple(each if type(each) is int else None for each in given)
     if found != versions:
         raise InputError(
             f"{path}: is of another version of this software: format and world version "

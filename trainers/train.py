@@ -4,43 +4,69 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import signal
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import torch
 from rich.console import Console
+from torch import Tensor
 
 import iout_marl
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
-from iout_marl.files import write_together
-from iout_marl.scenario import Scenario
+from iout_marl.files import reason, user_path
+from iout_marl.scenario import Scenario, load_scenario, to_yaml
+from iout_marl.terminal import progress_console
+from trainers import saving
 from trainers.group import Group, LostProcessError
-from trainers.loading import differences
-from trainers.logs import TrainingLog
+from trainers.logs import TrainingLog, unfailing
+from trainers.memory import enough_memory
+from trainers.occupied import occupied
 from trainers.ppo import Trainer
-from trainers.run_folder import RunFolder, readable
+from trainers.resuming import is_complete, resumed, runs_in
+from trainers.run_folder import RunFolder
+from trainers.signals import Stopped, StopSignals
 
-#: Settings that a resumed run may change.
-CHANGEABLE = ("training.steps", "training.checkpoint_steps")
+
+class DivergedError(InputError):
+    """A training has come to numbers that are not finite.
+
+    Attributes:
+        reason: the message without the run's folder and what is in it.
+    """
+
+    def __init__(self, folder: Path, env_steps: int, saved_at: int | None) -> None:
+        self.reason = (
+            f"training diverged after {env_steps:,} environment steps "
+            "(a smaller training.learning_rate may help)"
+        )
+        super().__init__(f"{folder}: {self.reason}; {_last(saved_at)}")
 
 
 @dataclass(frozen=True)
 class TrainingOutcome:
-    """How a training ended; with several policies, each has a run and an evaluation."""
+    """How a training ended; with several policies, each has a run and an evaluation.
+
+    Attributes:
+        finished: whether it has taken all steps and been evaluated.
+        evaluations: by most probable actions; none where it was stopped, or of another process.
+        signal: the number of the signal that stopped it.
+        sampled_aoi: mean AoI of each policy in its last rollout with the end of an episode, where
+            actions are sampled; None where this process has seen none.
+    """
 
     runs: list[RunFolder]
     trainer: Trainer
     finished: bool
     seconds: float
-    evaluations: list[Evaluation]  # none where it was stopped, or of another process
+    evaluations: list[Evaluation]
+    signal: int | None = None
+    sampled_aoi: list[float | None] = field(default_factory=list)
 
     @property
     def run(self) -> RunFolder:
@@ -75,8 +101,8 @@ def find_device(name: str) -> torch.device:
 
 
 def train(
-    scenario: Scenario,
-    out: Path,
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    out: str | Path,
     seed: int = 0,
     device: torch.device | str = "cpu",
     *,
@@ -91,88 +117,76 @@ def train(
     """Train a policy, or several side by side, and evaluate at the end.
 
     Args:
-        scenario: what to train on, and how.
+        scenario: what to train on, and how: whatever `load_scenario` takes.
         out: the run's folder; of several policies, that of their folders, `seed-N` each.
         seed: seeds the training; a resumed one goes on with its own.
         device: where to train.
-        resume: go on with the run, or the runs, in `out`.
+        resume: go on with the run, or the runs, in `out`. One that has taken its steps is
+            evaluated; one that is complete stays as it is.
         console: where the progress goes; standard error by default.
         evaluation_episodes: episodes of the final evaluation.
-        catch_signals: on SIGINT and SIGTERM, finish the running iteration and save everything,
-            so that the training can be resumed. Otherwise they have their usual effect.
+        catch_signals: on SIGHUP, SIGINT and SIGTERM, finish the running iteration and save
+            everything, so that the training can be resumed. Otherwise they have their usual effect.
         replicas: how many policies, from the seed on; a resumed training has those it had.
         group: the processes that train together, each of which calls this; the first one
             writes and evaluates.
         use_graphs: on a CUDA device, record the work as CUDA graphs.
 
     Raises:
+        DivergedError: weights or losses are no longer finite; nothing of it is saved.
         InputError: `out` holds a run already (or, to resume, none, or one of another
-            scenario), or cannot be written; another process of the group was lost; or the
-            work could not be recorded as CUDA graphs.
+            scenario), another process trains in it, or it cannot be written; another process of
+            the group was lost; there is too little memory; or the work could not be recorded as
+            CUDA graphs.
     """
     started = time.perf_counter()
-    console = console or Console(stderr=True)
-    group = group or Group()
-    if resume:
-        runs = _runs_in(out)
-        together = runs[0].path != out
-        trainer = _resumed(
-            runs,
-            scenario,
-            torch.device(device),
-            group,
-            is_together=together,
-            use_graphs=use_graphs,
+    scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    out = user_path(out, "out")
+    console, group = console or progress_console(), group or Group()
+    with (
+        enough_memory(f"{out}: "),
+        StopSignals(catch=catch_signals) as stop,
+        ExitStack() as held,
+    ):
+        runs: list[RunFolder]
+        if resume:
+            runs = runs_in(out)
+            _prepare(out, runs, group, held, is_new=False)
+            trainer = resumed(
+                runs,
+                scenario,
+                torch.device(device),
+                group,
+                is_together=runs[0].path != out,
+                use_graphs=use_graphs,
+            )
+        else:
+            trainer = Trainer(scenario, seed, device, replicas, group, use_graphs=use_graphs)
+            runs = [RunFolder(path) for path in _paths(out, trainer)]
+            _prepare(out, runs, group, held, is_new=True)
+        if resume and group.rank == 0:
+            for run in runs:
+                saving.settle(run.path)
+        saved_at = trainer.env_steps if resume else None
+        training = _Training(out, runs, trainer, scenario, console, stop, saved_at)
+        was_complete = resume and is_complete(runs, trainer)
+        if was_complete:
+            with unfailing():
+                console.print(f"{out}: is complete; its policy is evaluated again", markup=False)
+        else:
+            _say_how_far(trainer, console)
+            training.run()
+        seconds = time.perf_counter() - started
+        evaluations: list[Evaluation] = []
+        if trainer.finished and group.rank == 0:
+            with suppress(Stopped):  # all steps are saved
+                evaluations = training.evaluated(evaluation_episodes)
+            if evaluations and not was_complete:
+                training.save_results(evaluations, seconds)
+        finished = bool(evaluations) if group.rank == 0 else trainer.finished
+        return TrainingOutcome(
+            runs, trainer, finished, seconds, evaluations, stop.number, training.sampled_aoi
         )
-    else:
-        trainer = Trainer(scenario, seed, device, replicas, group, use_graphs=use_graphs)
-        runs = [RunFolder(path) for path in _paths(out, trainer)]
-    writes = group.rank == 0
-    with _all_or_none(group):
-        if writes and not resume:
-            _refuse_if_used(out, runs)
-            for run, pinned in zip(runs, trainer.scenarios, strict=True):
-                run.create(pinned)
-    saved_at = trainer.env_steps
-    steps = trainer.settings.steps
-    try:
-        with (
-            TrainingLog(
-                runs if writes else [], scenario.name, steps, trainer.env_steps, console
-            ) as log,
-            _stop_signals(catch=catch_signals) as signals,
-        ):
-            # Only together: a process alone would wait for the others without end.
-            while not trainer.finished and not group.any(bool(signals)):
-                figures = trainer.iterate_all()
-                log.write(trainer.env_steps, figures)
-                _check_finite(figures, runs, trainer.env_steps, saved_at)
-                if trainer.env_steps - saved_at >= trainer.settings.checkpoint_steps:
-                    _save(runs, trainer, scenario)
-                    saved_at = trainer.env_steps
-            _save(runs, trainer, scenario)
-    except torch.OutOfMemoryError:
-        raise InputError(
-            f"{out}: not enough memory on {trainer.device}: fewer training.environments, "
-            "training.rollout_slots or --replicas take less"
-        ) from None
-    except LostProcessError as error:
-        if catch_signals:
-            # torchrun now ends those that are left: not before this one has said why.
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        stands = f"the checkpoint of {saved_at:,} steps stands" if saved_at else "nothing was saved"
-        raise InputError(
-            f"{out}: {error} after {trainer.env_steps:,} environment steps; {stands}"
-        ) from None
-    seconds = time.perf_counter() - started
-    evaluations = []
-    if trainer.finished and writes:
-        for i, (run, pinned) in enumerate(zip(runs, trainer.scenarios, strict=True)):
-            policy = trainer.policy(i, str(run.path))
-            evaluation = evaluate(pinned, policy, evaluation_episodes, seed=0)
-            run.write_text("result.json", _result(trainer, i, evaluation, seconds))
-            evaluations.append(evaluation)
-    return TrainingOutcome(runs, trainer, trainer.finished, seconds, evaluations)
 
 
 def _paths(out: Path, trainer: Trainer) -> list[Path]:
@@ -181,27 +195,28 @@ def _paths(out: Path, trainer: Trainer) -> list[Path]:
     return [out] if len(seeds) == 1 else [out / f"seed-{seed}" for seed in seeds]
 
 
-def _refuse_if_used(out: Path, runs: list[RunFolder]) -> None:
-    """Leave alone what is there, before anything new is made."""
-    for run in (RunFolder(out), *_several_in(out), *runs):
-        run.refuse_if_used()
-
-
-def _several_in(out: Path) -> list[RunFolder]:
-    """The runs of policies that were trained side by side, by seed."""
-    try:
-        folders = [path.parent.name for path in out.glob("*/scenario.yaml")]
-    except OSError as error:
-        raise InputError(f"{out}: cannot be read: {error.strerror}") from None
-    matches = (re.fullmatch(r"seed-(\d+)", name) for name in folders)
-    seeds = sorted(int(match[1]) for match in matches if match)
-    return [RunFolder(out / f"seed-{seed}") for seed in seeds]
-
-
-def _runs_in(out: Path) -> list[RunFolder]:
-    """The run in a folder, or those of several policies within it."""
-    several = _several_in(out)
-    return several if several and not (out / "scenario.yaml").is_file() else [RunFolder(out)]
+def _prepare(
+    out: Path, runs: Sequence[RunFolder], group: Group, held: ExitStack, *, is_new: bool
+) -> None:
+    """Keep others out of the folders as long as `held` does; make those of new runs."""
+    paths = [run.path for run in runs]
+    with _all_or_none(group):
+        if group.rank > 0:
+            return
+        if is_new:
+            try:
+                out.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise InputError(f"{out}: cannot be made: {reason(error)}") from None
+        if out.is_dir():  # if not, there is nothing to resume
+            held.enter_context(occupied(out, paths))
+        if not is_new:
+            return
+        # Leave alone what is there, before anything new is made.
+        for run in (RunFolder(out), *map(RunFolder, saving.members(out)), *runs):
+            run.refuse_if_used()
+        for run in runs:
+            run.create()
 
 
 @contextmanager
@@ -220,68 +235,149 @@ def _all_or_none(group: Group) -> Iterator[None]:
         raise failure or InputError("the first process could not begin")
 
 
-def _save(runs: list[RunFolder], trainer: Trainer, source: Scenario) -> None:
-    """Save every policy, or none: all processes gather what the first one writes."""
-    files: dict[Path, bytes] = {}
-    for i, run in enumerate(runs):
-        state = trainer.state_dict(i)
-        if trainer.group.rank == 0:
-            files |= run.saved_files(trainer, state, source, i)
-    if files:
-        write_together(files)
-
-
-def _check_finite(
-    figures: list[dict[str, float]], runs: list[RunFolder], env_steps: int, saved_at: int
-) -> None:
-    for run, log in zip(runs, figures, strict=True):
-        if not math.isfinite(log["ppo/loss"] + log["ppo/gradient_norm"]):
-            raise InputError(
-                f"{run.path}: training diverged after {env_steps:,} environment "
-                f"steps; the checkpoint of {saved_at:,} steps stands"
+def _say_how_far(trainer: Trainer, console: Console) -> None:
+    steps, each = trainer.settings.steps, trainer.steps_per_iteration
+    if trainer.group.rank == 0 and steps % each:
+        with unfailing():
+            console.print(
+                f"training.steps {steps:,}: {-(-steps // each) * each:,} are trained, whole "
+                f"rollouts of {each:,} steps",
+                markup=False,
+                highlight=False,
             )
 
 
-def _resumed(
-    runs: list[RunFolder],
-    scenario: Scenario,
-    device: torch.device,
-    group: Group,
-    *,
-    is_together: bool,
-    use_graphs: bool,
-) -> Trainer:
-    scenarios = [run.scenario() for run in runs]
-    saved = [run.load_checkpoint(device) for run in runs]
-    with readable(runs[0].checkpoint_path):
-        seeds = [int(one["seed"]) for one in saved]
-        first, count = saved[0]["side_by_side"]
-        alike = len({(int(one["env_steps"]), *one["side_by_side"]) for one in saved}) == 1
-    if is_together and not (alike and seeds == list(range(first, first + count))):
-        raise InputError(
-            f"{runs[0].path.parent}: these runs have not come equally far, or some are missing; "
-            "go on with each by its own folder"
-        )
-    trainer = Trainer(scenario, seeds[0], device, len(seeds), group, use_graphs=use_graphs)
-    for run, own, wanted in zip(runs, scenarios, trainer.scenarios, strict=True):
-        strange = [k for k in differences(own, wanted) if k not in CHANGEABLE]
-        if strange:
+class _Training:
+    """A training whose folders are ready and are this process's alone."""
+
+    def __init__(
+        self,
+        out: Path,
+        runs: list[RunFolder],
+        trainer: Trainer,
+        source: Scenario,
+        console: Console,
+        stop: StopSignals,
+        saved_at: int | None,
+    ) -> None:
+        self._out = out
+        self._runs = runs
+        self._trainer = trainer
+        self._source = source
+        self._console = console
+        self._stop = stop
+        self._group_folder = None if runs[0].path == out else out
+        self._scenarios = [to_yaml(scenario).encode() for scenario in trainer.scenarios]
+        #: Steps of the last save, and of the last one by this process; None where there is none.
+        self._saved_at = saved_at
+        self._saved_here_at: int | None = None
+        self.sampled_aoi: list[float | None] = [None] * len(runs)
+
+    def run(self) -> None:
+        """Take the steps that are left, or as many as there are before a signal, and save."""
+        try:
+            self._iterate()
+        except LostProcessError as error:
+            if self._stop.catch:
+                # torchrun now ends those that are left: not before this one has said why.
+                signal.signal(signal.SIGTERM, signal.SIG_IGN)
             raise InputError(
-                f"{run.path}: is a run of another scenario, {own.name}: {strange[0]} differs"
-            )
-    with readable(runs[0].checkpoint_path):
-        trainer.load_state_dict(*saved)
-    if trainer.settings.steps < trainer.env_steps:
-        raise InputError(
-            f"{runs[0].path}: has taken {trainer.env_steps:,} steps already, more than the "
-            f"{trainer.settings.steps:,} of training.steps"
-        )
-    if group.rank == 0:
-        for run, wanted in zip(runs, trainer.scenarios, strict=True):
-            run.write_scenario(wanted)
-            if not trainer.finished:
-                (run.path / "result.json").unlink(missing_ok=True)  # of a shorter training
-    return trainer
+                f"{self._out}: {error} after {self._trainer.env_steps:,} environment steps; "
+                f"{_last(self._saved_at)}"
+            ) from None
+
+    def _iterate(self) -> None:
+        trainer, group, stop = self._trainer, self._trainer.group, self._stop
+        every = trainer.settings.checkpoint_steps
+        steps, name = trainer.settings.steps, self._source.name
+        failure: InputError | None = None
+        writing = self._runs if group.rank == 0 else []
+        with TrainingLog(writing, name, steps, trainer.env_steps, self._console) as log:
+            # Only together: a process alone would wait for the others without end.
+            while not group.any(failure is not None or stop.number is not None):
+                if trainer.finished:
+                    break
+                figures = trainer.iterate_all()
+                try:
+                    log.write(trainer.env_steps, figures)
+                except InputError as error:
+                    failure = error  # what was learnt is saved all the same
+                self._check_finite(figures)
+                self.sampled_aoi = [
+                    each.get("aoi/mean", last)
+                    for each, last in zip(figures, self.sampled_aoi, strict=True)
+                ]
+                if trainer.env_steps - (self._saved_at or 0) >= every:
+                    self._save()
+            if self._saved_here_at != trainer.env_steps:
+                try:
+                    self._save()
+                except InputError:
+                    if failure is None:
+                        raise
+            stop.number = group.largest(stop.number or 0) or None
+            if failure is not None:
+                raise InputError(f"{failure}; {_last(self._saved_at)}") from None
+
+    def _save(self) -> None:
+        """Save every policy, or none: all processes gather what the first one writes."""
+        files = {}
+        for i, run in enumerate(self._runs):
+            state = self._trainer.state_dict(i)
+            if not _is_finite([state["network"], state["optimizer"]]):
+                raise DivergedError(run.path, self._trainer.env_steps, self._saved_at)
+            if self._trainer.group.rank == 0:
+                files[run.path] = {
+                    "scenario.yaml": self._scenarios[i],
+                    **run.saved_files(self._trainer, state, self._source, i),
+                }
+        if files:
+            saving.save(files, self._group_folder)
+        self._saved_at = self._saved_here_at = self._trainer.env_steps
+
+    def _check_finite(self, figures: list[dict[str, float]]) -> None:
+        for run, log in zip(self._runs, figures, strict=True):
+            if not math.isfinite(log["ppo/loss"] + log["ppo/gradient_norm"]):
+                raise DivergedError(run.path, self._trainer.env_steps, self._saved_at)
+
+    def evaluated(self, episodes: int) -> list[Evaluation]:
+        """The evaluation of every policy; none where a signal has come.
+
+        Raises:
+            Stopped: one comes meanwhile.
+        """
+        trainer, evaluations = self._trainer, []
+        self._stop.at_once = True
+        if self._stop.number is not None:
+            return []
+        for i, (run, pinned) in enumerate(zip(self._runs, trainer.scenarios, strict=True)):
+            policy = trainer.policy(i, str(run.path))
+            evaluations.append(evaluate(pinned, policy, episodes, seed=0))
+        self._stop.at_once = False
+        return evaluations
+
+    def save_results(self, evaluations: list[Evaluation], seconds: float) -> None:
+        """Add `result.json` to what was saved."""
+        results = {
+            run.path: {"result.json": _result(self._trainer, i, evaluation, seconds).encode()}
+            for i, (run, evaluation) in enumerate(zip(self._runs, evaluations, strict=True))
+        }
+        saving.save(results, self._group_folder, adds=True)
+
+
+def _last(saved_at: int | None) -> str:
+    """What there is to go on from."""
+    if saved_at is None:
+        return "nothing was saved yet"
+    return f"last checkpoint: {saved_at:,} steps"
+
+
+def _is_finite(state: Any) -> bool:
+    if isinstance(state, Mapping):
+        return _is_finite(list(state.values()))
+    if isinstance(state, list):
+        return all(map(_is_finite, state))
+    return not isinstance(state, Tensor) or bool(state.isfinite().all())
 
 
 def _result(trainer: Trainer, policy: int, evaluation: Evaluation, seconds: float) -> str:
@@ -295,30 +391,3 @@ def _result(trainer: Trainer, policy: int, evaluation: Evaluation, seconds: floa
         "evaluation": evaluation.to_json(),
     }
     return json.dumps(result, indent=2) + "\n"
-
-
-@contextmanager
-def _stop_signals(*, catch: bool) -> Iterator[list[int]]:
-    """While inside, SIGINT and SIGTERM only leave their number in the list, if caught.
-
-    A second signal has its usual effect. Outside the main thread, where no handler may
-    be set, the list stays empty.
-    """
-    received: list[int] = []
-    before: dict[signal.Signals, Any] = {}
-
-    def note(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
-        received.append(number)
-        for name, handler in before.items():
-            signal.signal(name, handler)
-
-    try:
-        for name in (signal.SIGINT, signal.SIGTERM) if catch else ():
-            before[name] = signal.signal(name, note)
-    except ValueError:
-        pass
-    try:
-        yield received
-    finally:
-        for name, handler in before.items():
-            signal.signal(name, handler)

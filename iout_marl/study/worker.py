@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime as dt
 import functools
 import json
-import re
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,8 @@ from pathlib import Path
 from iout_marl.bounds import bound
 from iout_marl.episode import record_episode
 from iout_marl.errors import InputError
-from iout_marl.evaluation import Evaluation, evaluate
+from iout_marl.evaluation import evaluate
+from iout_marl.files import LOCK_NAME
 from iout_marl.policies import Budget, PlannerPolicy
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.study.cells import Cell
@@ -24,8 +24,8 @@ from iout_marl.world import pin_layout
 
 #: At how many points of a training its log goes into the report, at most.
 CURVE_POINTS = 60
-#: Of a run's folder, what only serves to go on with an unfinished training.
-LEFT_OUT = ("checkpoint.pt",)
+#: Of a run's folder, what only serves an unfinished training.
+LEFT_OUT = ("checkpoint.pt", LOCK_NAME)
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def run_cell(cell: Cell, carbon_g_per_kwh: float) -> Output:
     search = "" if rounds is None else f"{rounds} rounds"
     played = evaluate(scenario, policy, cell.episodes, cell.seed)
     record = Record.of(
-        cell, played.samples, _today(), search=search, deterministic=_is_deterministic(played)
+        cell, played.samples, _today(), search=search, deterministic=played.deterministic
     )
     return Output(record, {})
 
@@ -106,7 +106,7 @@ def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
             _today(),
             training,
             episode,
-            deterministic=_is_deterministic(outcome.evaluation),
+            deterministic=outcome.evaluation.deterministic,
         )
         files = [path for path in outcome.run.path.iterdir() if path.name not in LEFT_OUT]
         return Output(record, {path.name: path.read_bytes() for path in files})
@@ -117,12 +117,7 @@ def _without_folder(error: InputError | OSError, run: Path) -> str:
     reason = getattr(error, "reason", None) or str(error)
     for path in (f"{run}: ", f"{run}/", f"{run.parent}/"):
         reason = reason.replace(path, "")
-    return re.sub(r"; the checkpoint of [\d,]+ steps stands", "", reason)
-
-
-def _is_deterministic(evaluation: Evaluation) -> bool:
-    """Whether one episode stands for all."""
-    return bool(getattr(evaluation, "deterministic", False))
+    return reason
 
 
 @functools.cache
@@ -137,13 +132,16 @@ def _warm_up() -> None:
 
 def _curve(path: Path) -> dict[str, list[float]]:
     """The log of a training, thinned; rollouts in which no episode ended are left out."""
-    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    lines = [line for line in lines if "aoi/mean" in line]
-    every = -(-len(lines) // CURVE_POINTS) or 1
-    kept = lines[every - 1 :: every]
-    if lines and kept[-1:] != lines[-1:]:
-        kept.append(lines[-1])
-    return {name: rounded(line[name] for line in kept) for name in ("env_steps", *CURVES)}
+    from trainers.metrics import read_rows
+
+    names = ("env_steps", *CURVES)
+    rows, _ = read_rows(path)
+    rows = [row for row in rows if all(row.get(name) is not None for name in names)]
+    every = -(-len(rows) // CURVE_POINTS) or 1
+    kept = rows[every - 1 :: every]
+    if rows and kept[-1:] != rows[-1:]:
+        kept.append(rows[-1])
+    return {name: rounded(row[name] for row in kept) for name in names}
 
 
 def _today() -> str:

@@ -12,9 +12,7 @@ from rich.console import Console
 
 from iout_marl import InputError
 from iout_marl.files import write_atomically
-from trainers import train
-
-training = sys.modules["trainers.train"]  # its name is also that of a function
+from trainers import saving, train
 
 #: As on a disk with so many bytes left for each file: writes fail, no signal comes.
 LIMITED = """
@@ -40,9 +38,13 @@ class FailingFile(io.BytesIO):
     write = full
 
 
+def failing_write(path, mode="r", *args, **kwargs):
+    return FailingFile() if "w" in mode else io.open(path, mode, *args, **kwargs)  # noqa: UP020
+
+
 FAILURES = {
     "open": (Path, "open", failing_open),
-    "write": (Path, "open", lambda *args, **kwargs: FailingFile()),
+    "write": (Path, "open", failing_write),
     "fsync": (os, "fsync", full),
     "replace": (Path, "replace", full),
 }
@@ -78,17 +80,17 @@ def test_checkpoint_saved_before_stands_and_training_goes_on_from_it(
     tmp_path, tiny, fill_disk, monkeypatch
 ):
     quiet = {"console": Console(file=io.StringIO()), "evaluation_episodes": 1}
-    folder, save = tmp_path / "run", training.write_together
+    folder, save = tmp_path / "run", saving.save
     saved = []
 
-    def save_twice(files):
+    def save_twice(states, *group):
         if len(saved) == 1:
             fill_disk()
-        save(files)
+        save(states, *group)
         saved.append((folder / "checkpoint.pt").read_bytes())
 
-    monkeypatch.setattr(training, "write_together", save_twice)
-    with pytest.raises(InputError, match=r"checkpoint\.pt: cannot be written: No space left"):
+    monkeypatch.setattr(saving, "save", save_twice)
+    with pytest.raises(InputError, match=r"cannot be written: No space left.*; the one before"):
         train(tiny(), folder, **quiet)
     monkeypatch.undo()
     assert (folder / "checkpoint.pt").read_bytes() == saved[0]
@@ -105,7 +107,7 @@ def limited(size, *words):
 
 @pytest.mark.parametrize(
     ("size", "file"),
-    [(3000, "run"), (10_000, "checkpoint.pt")],
+    [(1000, "run"), (10_000, "checkpoint.pt")],
     ids=["logs", "checkpoint"],
 )
 def test_real_limit_stops_a_new_run_with_one_line(tmp_path, tiny_settings, size, file):
@@ -126,7 +128,7 @@ def test_real_limit_leaves_the_last_good_checkpoint(tmp_path, tiny_settings, iou
     longer = [*words, "--steps", 720, "--resume", tmp_path / "run"]
     status, err = limited(len(before) - 1000, *longer)
     assert status == 2
-    assert "checkpoint.pt: cannot be written: File too large; the one before stands" in err
+    assert "checkpoint.pt: cannot be written: File too large; the one before is kept" in err
     assert "Traceback" not in err
     assert (tmp_path / "run" / "checkpoint.pt").read_bytes() == before
     assert iout(*longer)[0] == 0

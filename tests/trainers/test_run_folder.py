@@ -16,8 +16,10 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from iout_marl import InputError, evaluate, load_scenario
 from trainers import RunFolder, Trainer, find_device, train
 from trainers.loading import load_run
-from trainers.run_folder import RESULTS
+from trainers.saving import NAMES
 
+#: What of a save shows that something was learnt.
+RESULTS = [*NAMES[1:], "run.json"]
 #: Of design.md; `reward/…` are the terms of the scenario's reward.
 TAGS = {
     "aoi/mean", "aoi/final", "aoi/peak", "fairness/jain", "energy/harvested_kj",
@@ -29,7 +31,7 @@ TAGS = {
 }  # fmt: skip
 FILES = {
     "scenario.yaml", "policy.safetensors", "policy.json", "checkpoint.pt", "metrics.jsonl",
-    "result.json",
+    "result.json", "run.json", ".lock",
 }  # fmt: skip
 
 
@@ -47,8 +49,10 @@ def finished(tiny, tmp_path_factory):
 
 @pytest.fixture
 def folder(finished, tmp_path):
-    """A copy of a finished run, to be damaged."""
-    return shutil.copytree(finished.run.path, tmp_path / "run")
+    """A copy of a finished run, to be damaged; without checksums, which would see any damage."""
+    shutil.copytree(finished.run.path, tmp_path / "run")
+    (tmp_path / "run/run.json").unlink()
+    return tmp_path / "run"
 
 
 def refusal(action):
@@ -140,13 +144,15 @@ class TestCreating:
 
     @pytest.mark.parametrize("kept", RESULTS)
     def test_nothing_that_was_learnt_is_replaced(self, folder, tiny, finished, kept):
+        if kept == "run.json":
+            shutil.copy(finished.run.path / kept, folder)
         for name in set(RESULTS) - {kept}:
-            (folder / name).unlink()
+            (folder / name).unlink(missing_ok=True)
         assert "holds a run already" in refusal(lambda: quietly(tiny(), folder, seed=7))
 
     def test_run_that_never_saved_may_start_again(self, folder, tiny, finished):
         for name in RESULTS:
-            (folder / name).unlink()
+            (folder / name).unlink(missing_ok=True)
         quietly(tiny(), folder, seed=7)
         assert len(RunFolder(folder).metrics_path.read_text().splitlines()) == 7
         assert len(list(folder.glob("events.*"))) == 1
@@ -172,7 +178,7 @@ class TestCreating:
 
         monkeypatch.setattr(Trainer, "iterate_all", too_much)
         message = refusal(lambda: quietly(tiny(), tmp_path / "run"))
-        assert "not enough memory on cpu: fewer training.environments" in message
+        assert "run: not enough memory: smaller training.hidden_units, fewer" in message
 
 
 class TestResuming:
@@ -238,7 +244,7 @@ class TestResuming:
         saved = torch.load(folder / "checkpoint.pt", weights_only=True)
         del saved["trainer"][key]
         torch.save(saved, folder / "checkpoint.pt")
-        assert f"checkpoint.pt: cannot be read: '{key}'" in resumed(tiny(), folder)
+        assert f"checkpoint.pt: cannot be read: lacks '{key}'" in resumed(tiny(), folder)
 
     def test_checkpoint_of_other_networks(self, folder, tiny, tmp_path):
         quietly(tiny({"training.hidden_units": [9]}), tmp_path / "other")
@@ -287,7 +293,7 @@ class TestLoadingAPolicy:
         shape = json.loads((folder / "policy.json").read_text())
         del shape[key]
         (folder / "policy.json").write_text(json.dumps(shape))
-        assert self.load(folder).endswith(f"policy.json: cannot be read: lacks '{key}'")
+        assert f"policy.json: cannot be read: lacks '{key}'" in self.load(folder)
 
     @pytest.mark.parametrize("kept", [0, 7, 100, -1])
     def test_truncated_weights(self, folder, kept):
@@ -361,7 +367,7 @@ class TestEvaluatingARun:
 
     def test_no_run(self, tiny, tmp_path):
         message = refusal(lambda: load_run(tmp_path, tiny(), transfer=False))
-        assert message.endswith("holds no trained policy")
+        assert message.endswith("holds no run: there is no scenario.yaml in it")
 
     def test_policy_can_be_evaluated_from_elsewhere(self, folder, tiny, monkeypatch):
         # A preset of one's own must not be needed any more.

@@ -12,15 +12,16 @@ learning is not recorded, as the host decides when it ends.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from iout_marl.errors import InputError
-from iout_marl.scenario import Scenario, Training
+from iout_marl.scenario import Scenario, Training, load_scenario
 from iout_marl.world import pin_layout
 from trainers.adam import Adam, clipped
 from trainers.factory import make_network
@@ -28,6 +29,7 @@ from trainers.functions import policy_loss
 from trainers.graphs import GRAPHS, Recorded
 from trainers.group import Group
 from trainers.laps import Laps
+from trainers.memory import enough_memory
 from trainers.moments import Moments
 from trainers.networks import ActorCritic, Scaler, aligned, stacked
 from trainers.returns import RewardScale, advantages
@@ -43,8 +45,8 @@ class Trainer:
     to do with one another.
 
     Args:
-        scenario: the scenario; its `training` section has the settings. A layout that
-            is drawn once for a run is drawn from the seed.
+        scenario: the scenario, or whatever `load_scenario` takes; its `training` section has
+            the settings. A layout that is drawn once for a run is drawn from the seed.
         seed: seeds weights, layouts, actions and minibatches; the i-th policy's is seed + i.
         device: where to train.
         replicas: how many policies.
@@ -58,12 +60,14 @@ class Trainer:
         env_steps: environment steps taken so far, for each policy.
 
     Raises:
-        InputError: settings that several policies or processes cannot be trained with.
+        InputError: settings that several policies or processes cannot be trained with, or that
+            need more memory than there is.
     """
 
+    @enough_memory()
     def __init__(
         self,
-        scenario: Scenario,
+        scenario: str | Path | Mapping[str, Any] | Scenario,
         seed: int = 0,
         device: str | torch.device = "cpu",
         replicas: int = 1,
@@ -71,6 +75,8 @@ class Trainer:
         *,
         use_graphs: bool = True,
     ) -> None:
+        if not isinstance(scenario, Scenario):
+            scenario = load_scenario(scenario)
         self.group = group or Group()
         self.seeds = range(seed, seed + replicas)
         self.scenarios = [pin_layout(scenario, each) for each in self.seeds]
@@ -138,6 +144,7 @@ class Trainer:
         (log,) = self.iterate_all()
         return log
 
+    @enough_memory()
     def iterate_all(self) -> list[dict[str, float]]:
         """One iteration: a rollout, and the epochs of learning from it.
 

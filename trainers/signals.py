@@ -1,0 +1,67 @@
+"""Signals that ask a training to end: it saves first."""
+
+from __future__ import annotations
+
+import signal
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+#: Of a hangup of the terminal, Ctrl-C, and a batch system's or a shell's request to end.
+NAMES = ("SIGHUP", "SIGINT", "SIGTERM")
+
+
+class Stopped(BaseException):
+    """A signal has come while `StopSignals.at_once` was set."""
+
+
+class StopSignals:
+    """While inside, the signals that ask to end are only noted, if they are to be caught.
+
+    A second one has its usual effect. A hangup that is ignored, as by `nohup`, stays so.
+    Outside the main thread, where no handler may be set, all have their usual effect.
+
+    Args:
+        catch: whether to catch them.
+
+    Attributes:
+        catch: whether they are.
+        number: of the signal that has come; None before.
+        at_once: raise `Stopped` when one comes, rather than let the work find out.
+    """
+
+    def __init__(self, *, catch: bool) -> None:
+        self.catch = catch
+        self._before: dict[int, Any] = {}
+        self.number: int | None = None
+        self.at_once = False
+
+    def __enter__(self) -> Self:
+        for name in NAMES if self.catch else ():
+            number = getattr(signal, name, None)  # not every system has all of them
+            if number is None:
+                continue
+            if name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN:
+                continue
+            try:
+                self._before[number] = signal.signal(number, self._note)
+            except ValueError:  # in another thread than the main one
+                break
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._put_back()
+
+    def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
+        self.number = number
+        self._put_back()
+        if self.at_once:
+            raise Stopped
+
+    def _put_back(self) -> None:
+        while self._before:
+            signal.signal(*self._before.popitem())
