@@ -112,6 +112,7 @@ def report(
 def _write(folder: Path, markdown: Path | None = None) -> None:
     from iout_marl.report.build import build_report
     from iout_marl.report.markdown import render_markdown
+    from iout_marl.report.markup import plain_text
     from iout_marl.report.writer import write_report
     from iout_marl.study.results import read_results
 
@@ -121,7 +122,7 @@ def _write(folder: Path, markdown: Path | None = None) -> None:
     figures = Path(os.path.relpath(folder / "figures", text.parent)).as_posix()
     write_atomically(text, render_markdown(built, figures).encode())
     for line in built.lead:
-        typer.echo(line)
+        typer.echo(plain_text(line))
     typer.echo(f"The report is {folder / 'report.html'}")
 
 
