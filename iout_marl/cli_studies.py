@@ -148,6 +148,7 @@ def _written(folder: Path, markdown: Path | None = None) -> list[str]:
     """Write the report of a folder's results; what to show of it."""
     from iout_marl.report.build import build_report
     from iout_marl.report.markdown import render_markdown
+    from iout_marl.report.markup import plain_text
     from iout_marl.report.writer import write_report
     from iout_marl.study.results import read_results
 
@@ -162,7 +163,7 @@ def _written(folder: Path, markdown: Path | None = None) -> list[str]:
         write_text(text, rendered.rstrip("\n"))
     else:
         write_atomically(text, rendered.encode())
-    return [*built.lead, f"The report is {folder / 'report.html'}"]
+    return [*map(plain_text, built.lead), f"The report is {folder / 'report.html'}"]
 
 
 class _Stopped(KeyboardInterrupt):

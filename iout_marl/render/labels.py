@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
+
+from rich.cells import cell_len, set_cell_size
 
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 
@@ -37,7 +40,40 @@ def energy_text(energy_j: float) -> str:
     return f"{energy_j / unit_j:.3g} {unit}"
 
 
+_BREAKS = re.compile("[\t-\r\x1c-\x1f\x85\u2028\u2029]+")
+#: Control characters, halves of characters, and what Unicode keeps free for programs.
+_NO_TEXT = re.compile(
+    "[\0-\x08\x0e-\x1b\x7f-\x9f\ud800-\udfff\ufdd0-\ufdef"
+    + "".join(chr(plane + end) for plane in range(0, 0x110000, 0x10000) for end in (0xFFFE, 0xFFFF))
+    + "]"
+)
+#: Marks that change the direction of writing, by the mark that ends each.
+_DIRECTIONS = {
+    **dict.fromkeys("\u202a\u202b\u202d\u202e", "\u202c"),
+    **dict.fromkeys("\u2066\u2067\u2068", "\u2069"),
+}
+
+
+def printable(text: str) -> str:
+    """`text` on one line, of characters that every display takes, for any text of a user's.
+
+    What turns the direction of writing is ended, lest it turn what comes after the text.
+    """
+    if text.isprintable():
+        return text
+    text = _NO_TEXT.sub("\N{REPLACEMENT CHARACTER}", _BREAKS.sub(" ", text))
+    ends: list[str] = []
+    for character in text:
+        if character in _DIRECTIONS:
+            ends.append(_DIRECTIONS[character])
+        elif ends and character == ends[-1]:
+            ends.pop()
+    return text + "".join(reversed(ends))
+
+
 def shortened(text: str, length: int) -> str:
-    """`text` on one line of at most `length` characters."""
-    text = " ".join(text.split())
-    return text if len(text) <= length else text[: length - 1] + "…"
+    """`text` on one line of at most `length` columns of a terminal."""
+    text = printable(" ".join(text.split()))
+    if cell_len(text) > length:
+        text = printable(set_cell_size(text, length - 1).rstrip() + "…")
+    return text

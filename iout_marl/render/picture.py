@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from rich.cells import cell_len
 
 from iout_marl.render import style
 from iout_marl.render.labels import energy_text, energy_unit, shortened
 from iout_marl.render.layout import axis_top, round_step
 from iout_marl.render.panel import Panel
 from iout_marl.render.scene import FROM_ABOVE, FROM_THE_SIDE, draw_scene, hull
+from iout_marl.render.settings import drawing
 from iout_marl.render.snapshot import Floats, Snapshot
 
 if TYPE_CHECKING:
@@ -28,7 +31,12 @@ def as_picture(snapshot: Snapshot) -> npt.NDArray[np.uint8]:
     depth, and lines show what they charged and heard in the last slot. To the right the
     same from the side, z downwards, and the age and the energy of every node.
     """
-    # matplotlib takes its time to load, and most who import this package want no picture.
+    title = shortened(snapshot.title, 42)
+    with drawing(title) as replaced:
+        return _draw(replace(snapshot, title=title.translate(replaced)))
+
+
+def _draw(snapshot: Snapshot) -> npt.NDArray[np.uint8]:
     # Without pyplot, nothing is shared with the caller and no figure needs closing.
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -66,8 +74,7 @@ def _age_shades(s: Snapshot) -> npt.NDArray[np.int64]:
 
 def _write(figure: Figure, x_px: float, y_px: float, text: str, **options: Any) -> None:
     """Text at a place counted from the top left."""
-    # A `$` in the name of a scenario is a dollar sign and starts no formula.
-    options = {"color": style.INK, "va": "center", "parse_math": False, **options}
+    options = {"color": style.INK, "va": "center", **options}
     figure.text(x_px / style.WIDTH_PX, 1 - y_px / style.HEIGHT_PX, text, **options)
 
 
@@ -75,9 +82,8 @@ def _draw_header(figure: Figure, s: Snapshot) -> None:
     from matplotlib.patches import Rectangle
 
     over = min(s.slot / max(s.num_slots, 1), 1.0)
-    title = shortened(s.title, 42)
-    title_pt = 15 if len(title) <= 28 else 10.5
-    _write(figure, 18, 25, title, fontsize=title_pt, fontweight="bold")
+    title_pt = 15 if cell_len(s.title) <= 28 else 10.5
+    _write(figure, 18, 25, s.title, fontsize=title_pt, fontweight="bold")
     facts = {
         "slot": f"{s.slot} / {s.num_slots}",
         "mean AoI, slots": f"{s.mean_age:.1f}",

@@ -23,11 +23,13 @@ class Check:
         text: the figure, with its interval and where it stands.
         holds: whether the statement is true of it.
         open: whether the interval leaves it open; then it does not hold.
+        single: whether it rests on a single value, without an interval.
     """
 
     text: str
     holds: bool
     open: bool = False
+    single: bool = False
 
     def __str__(self) -> str:
         return f"{self.text} {'✓' if self.holds else '?' if self.open else '✗'}"
@@ -36,7 +38,7 @@ class Check:
     def positive(cls, text: str, estimate: Estimate) -> Check:
         """That a difference is above 0 with its whole interval, or by itself without one."""
         if math.isnan(estimate.low):
-            return cls(text, estimate.mean > 0)
+            return cls(text, estimate.mean > 0, single=True)
         return cls(text, estimate.low > 0, open=estimate.low <= 0 < estimate.high)
 
 

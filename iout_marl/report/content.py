@@ -1,7 +1,7 @@
 """What a report consists of, free of any format: sections, tables, figures, answers.
 
 `page` writes it as a web page, `markdown` as a text; `static` and `interactive` draw its
-figures. Texts are plain; words between backticks are code.
+figures. Texts are plain; words between backticks are code (see `markup`).
 """
 
 from __future__ import annotations
@@ -12,6 +12,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from iout_marl.report.markup import plain_text
+
+#: What is added to a verdict that rests on too few runs.
+PROVISIONAL = ", provisionally"
 #: How well a claim held.
 Verdict: TypeAlias = Literal[
     "reproduced", "reproduced in part", "left open", "not reproduced", "not measured"
@@ -54,6 +58,8 @@ class Plot:
         command: what makes it.
         categories: the values of x are categories (K = 3, 5, 7, 10): equally spaced ticks
             at these values alone.
+        places: x is a continuous axis with ticks at its few values alone, the places at which
+            something was measured; only these may be 0 or below on a logarithmic axis.
         x_range, y_range: limits of the axes; None for those of the data.
     """
 
@@ -68,8 +74,14 @@ class Plot:
     log_y: bool = False
     log_x: bool = False
     categories: bool = False
+    places: bool = False
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
+
+    @property
+    def at_places(self) -> bool:
+        """Whether its points are few and single ones: not those of a curve."""
+        return self.categories or self.places
 
     def rows(self) -> Iterator[tuple[object, ...]]:
         """The data as a table, its headings first."""
@@ -154,6 +166,7 @@ class Answer:
         verdict: how well it held.
         measured: the measured figures, with their intervals.
         explanation: where it did not hold, the measurement that shows why; else empty.
+        provisional: whether it rests on too few runs to be the last word.
     """
 
     claim: str
@@ -163,6 +176,12 @@ class Answer:
     verdict: Verdict
     measured: tuple[str, ...]
     explanation: tuple[str, ...] = ()
+    provisional: bool = False
+
+    @property
+    def judged(self) -> str:
+        """The verdict in words."""
+        return f"{self.verdict}{PROVISIONAL if self.provisional else ''}"
 
 
 @dataclass(frozen=True)
@@ -173,6 +192,11 @@ class Answers:
     caption: str
     command: str
     answers: tuple[Answer, ...]
+
+    @property
+    def provisional(self) -> bool:
+        """Whether any of the verdicts is."""
+        return any(answer.provisional for answer in self.answers)
 
     def count(self, verdict: Verdict) -> int:
         """How many claims got this verdict."""
@@ -218,5 +242,6 @@ class Report:
 def to_csv(rows: Iterator[tuple[object, ...]]) -> str:
     """Rows as CSV."""
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
+    plain = ([plain_text(cell) if isinstance(cell, str) else cell for cell in row] for row in rows)
+    csv.writer(text, lineterminator="\n").writerows(plain)
     return text.getvalue()

@@ -9,7 +9,19 @@ from typing import TypeAlias
 import numpy as np
 
 from iout_marl.report.checks import pairs, symbol
-from iout_marl.report.measures import difference, metric, number, percent, reduction
+from iout_marl.report.intake import curves, walk_of
+from iout_marl.report.measures import (
+    MOST_DIGITS,
+    counted,
+    difference,
+    fixed,
+    metric,
+    number,
+    percent,
+    ratio,
+    reduction,
+    samples,
+)
 from iout_marl.report.names import (
     BASELINES,
     BEST_TDD,
@@ -21,7 +33,7 @@ from iout_marl.report.names import (
     TDD,
     in_fdd,
 )
-from iout_marl.report.study_figures import curves, seconds
+from iout_marl.report.study_figures import seconds
 from iout_marl.scenario import FixedNodes, load_scenario
 from iout_marl.study.results import Results
 
@@ -96,13 +108,17 @@ def trained_further(results: Results) -> list[str]:
         step = _first_step(results, TDD, place, "aoi/mean", below=0.845 * baseline.mean)
         where = symbol(results, place)
         reached.append(f"{where}: {step}")
-        lowest.append(f"{where}: {100 * (1 - min(curve[1]) / baseline.mean):.0f} %")
-        last.append(f"{where}: {100 * (1 - curve[1][-1] / baseline.mean):.0f} %")
+        lowest.append(f"{where}: {_share(min(curve[1]), baseline.mean)} %")
+        last.append(f"{where}: {_share(curve[1][-1], baseline.mean)} %")
     return [
         f"In training (actions still sampled), first 15.5 % below greedy: {'; '.join(reached)}.",
         f"Furthest below greedy in training: {'; '.join(lowest)}; at its end: {'; '.join(last)}.",
         *_age_against_fairness(results),
     ]
+
+
+def _share(value: float, of: float) -> str:
+    return fixed(100 * (1 - ratio(value, of)), 0)
 
 
 def _age_against_fairness(results: Results) -> list[str]:
@@ -114,10 +130,13 @@ def _age_against_fairness(results: Results) -> list[str]:
         if ages is None or fairness is None:
             continue
         best = int(np.argmin(ages[1]))
+        if best >= len(fairness[1]):
+            continue
         if ages[1][-1] > 1.02 * ages[1][best]:
             parts.append(
-                f"{symbol(results, place)}: AoI from {ages[1][best]:.2f} to {ages[1][-1]:.2f} as "
-                f"fairness goes from {fairness[1][best]:.3f} to {fairness[1][-1]:.3f}"
+                f"{symbol(results, place)}: AoI from {fixed(ages[1][best], 2)} to "
+                f"{fixed(ages[1][-1], 2)} as fairness goes from {fixed(fairness[1][best], 3)} to "
+                f"{fixed(fairness[1][-1], 3)}"
             )
     if not parts:
         return []
@@ -147,8 +166,8 @@ def _first_step(
         return "not trained"
     for step, value in zip(*found, strict=True):
         if above <= value <= below:
-            return f"{step / 1e6:.2f} M steps"
-    return f"not within {found[0][-1] / 1e6:.1f} M steps"
+            return f"{fixed(step / 1e6, 2)} M steps"
+    return f"not within {fixed(found[0][-1] / 1e6, 1)} M steps"
 
 
 def _by_place(results: Results, series: str, name: str) -> str:
@@ -176,7 +195,7 @@ def tdd_energy(results: Results) -> list[str]:
         for place in results.places(TDD)
     )
     last = "; ".join(
-        f"{symbol(results, place)}: {curve[1][-1]:.2f}"
+        f"{symbol(results, place)}: {fixed(curve[1][-1], 2)}"
         for place in results.places(TDD)
         if (curve := _mean_curve(results, TDD, place, "energy/harvested_kj"))
     )
@@ -207,7 +226,9 @@ def fdd_energy(results: Results) -> list[str]:
 def _seeds(results: Results, series: str, name: str, digits: int) -> str:
     return "; ".join(
         f"{symbol(results, place)}: "
-        + ", ".join(f"{r.mean(name):.{digits}f}" for r in results.records(series, place))
+        + ", ".join(
+            fixed(r.mean(name), digits) for r in results.records(series, place) if name in r.samples
+        )
         for place in results.places(series)
     )
 
@@ -243,7 +264,7 @@ def baseline_fairness(results: Results) -> list[str]:
     distances = "; ".join(
         f"{symbol(results, place)}: {distance:.0f} m"
         for place in results.places(RANDOM_WALK)
-        if (distance := mean_distance_from_start_m(int(place))) is not None
+        if (distance := mean_distance_from_start_m(place)) is not None
     )
     if distances:
         lines.append(
@@ -253,14 +274,14 @@ def baseline_fairness(results: Results) -> list[str]:
     return lines
 
 
-def mean_distance_from_start_m(nodes: int) -> float | None:
-    """Of the first nodes of the paper's layout from the AUV's start, in m."""
+def mean_distance_from_start_m(nodes: float) -> float | None:
+    """Of the first nodes of the paper's layout from the AUV's start, in m; None of no number."""
     scenario = load_scenario("paper/k10-tdd")
     assert isinstance(scenario.nodes, FixedNodes)
     cells = np.array(scenario.nodes.cells)
-    if nodes > len(cells):
+    if nodes not in range(1, len(cells) + 1):
         return None
-    offset = cells[:nodes] - np.array(scenario.auvs.start_cells[0])
+    offset = cells[: int(nodes)] - np.array(scenario.auvs.start_cells[0])
     return float(np.linalg.norm(offset, axis=1).mean() * scenario.grid.spacing_m)
 
 
@@ -300,18 +321,17 @@ def _fewest_deliveries(results: Results) -> list[str]:
     for name in (TDD, FDD):
         for place in results.places(name):
             for record in results.records(name, place):
-                broken = max(record.samples["age_violations"]) > 0
-                unfair = max(record.samples["jain_violation"]) > 0
-                if not (broken or unfair) or record.episode is None:
+                broken = samples([record], "age_violations") + samples([record], "jain_violation")
+                walk = walk_of(record)
+                if max(broken, default=0) <= 0 or walk is None or not walk.nodes:
                     continue
-                episode = record.episode
-                heard = np.array(episode["heard"])[np.array(episode["delivered"])]
-                counts = np.bincount(heard, minlength=record.nodes + 1)[1:]
+                heard = np.array(walk.heard, dtype=int)[np.array(walk.delivered, dtype=bool)]
+                counts = np.bincount(heard, minlength=len(walk.nodes) + 1)[1:]
                 least = int(counts.argmin())
                 parts.append(
                     f"{name}, {symbol(results, place)}, seed {record.seed}: node {least + 1} at "
-                    f"{tuple(episode['nodes'][least])} delivers {counts[least]} of "
-                    f"{counts.sum()} packets"
+                    f"{walk.nodes[least]} delivers {counts[least]} of "
+                    f"{counted(int(counts.sum()), 'packet')}"
                 )
     return [f"Who is left out: {'; '.join(parts)}."] if parts else []
 
@@ -320,17 +340,21 @@ def cost(results: Results) -> list[str]:
     """Steps a second in both modes."""
     parts = []
     for place in results.places():
-        pair = [seconds(results, name, place) for name in (TDD, FDD)]
-        records = [results.records(name, place) for name in (TDD, FDD)]
-        if all(pair) and all(records):
-            rates = [
-                r[0].training.env_steps / s.mean
-                for r, s in zip(records, pair, strict=True)
-                if s is not None and r[0].training is not None
-            ]
-            parts.append(f"{symbol(results, place)}: {rates[0]:,.0f} and {rates[1]:,.0f}")
+        rates = [_rate(results, name, place) for name in (TDD, FDD)]
+        if all(rates):
+            parts.append(f"{symbol(results, place)}: {' and '.join(filter(None, rates))}")
     lines = [f"Steps a second, TDD and FDD: {'; '.join(parts)}. Cells share the cores."]
     steps = {r.training.env_steps for s in (TDD, FDD) for r in results.records(s) if r.training}
     if len(steps) == 1:
         lines.insert(0, f"All trainings of both modes take {steps.pop():,} environment steps.")
     return lines
+
+
+def _rate(results: Results, series: str, place: float) -> str | None:
+    """Environment steps per second of the trainings at a place; None where there are none."""
+    time = seconds(results, series, place)
+    steps = [r.training.env_steps for r in results.records(series, place) if r.training]
+    if time is None or not steps:
+        return None
+    rate = ratio(steps[0], time.mean)
+    return f"{rate:,.0f}" if 0 <= rate < MOST_DIGITS else "–"

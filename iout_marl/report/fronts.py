@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from iout_marl.report.content import Line, Plot, Section, Table
-from iout_marl.report.measures import METRIC_DIGITS
-from iout_marl.report.palette import COLOURS, GREY
+from iout_marl.report.measures import METRIC_DIGITS, fixed
+from iout_marl.report.palette import GREY, hue
 from iout_marl.report.study_figures import HEADINGS, protocol
 from iout_marl.study.results import Record, Results
 
@@ -90,15 +90,15 @@ def _degeneracy(world: str, points: Sequence[Point]) -> str:
     if len(fair) > 1:
         text += (
             f" {len(fair)} runs have a Jain's index of 1.000; their mean AoI goes from "
-            f"{min(fair):.2f} to {max(fair):.2f}."
+            f"{fixed(min(fair), 2)} to {fixed(max(fair), 2)}."
         )
     return text
 
 
 def _told(point: Point) -> str:
     return (
-        f"one of {point.series} (mean AoI {point.mean_aoi:.2f}, J {point.jain:.4f}, "
-        f"(1 − J) · mean AoI {point.objective:.4f})"
+        f"one of {point.series} (mean AoI {fixed(point.mean_aoi, 2)}, J {fixed(point.jain, 4)}, "
+        f"(1 − J) · mean AoI {fixed(point.objective, 4)})"
     )
 
 
@@ -106,7 +106,6 @@ def _figure(
     results: Results, key: str, world: str, points: Sequence[Point], front: Sequence[Point]
 ) -> Plot:
     names = list(dict.fromkeys(point.series for point in points))
-    hues = [colour for colour in range(len(COLOURS)) if colour != GREY]  # which is the front's
     lines = [
         Line(
             "Pareto front",
@@ -122,7 +121,7 @@ def _figure(
             tuple(point.jain for point in points if point.series == name),
             tuple(point.mean_aoi for point in points if point.series == name),
             joined=False,
-            colour=hues[number % len(hues)],
+            colour=hue(number),  # grey is the front's
         )
         for number, name in enumerate(names)
     ]
@@ -143,9 +142,9 @@ def _table(results: Results, key: str, world: str, front: Sequence[Point]) -> Ta
         (
             point.series,
             f"{point.seed}",
-            f"{point.jain:.4f}",
-            f"{point.mean_aoi:.{METRIC_DIGITS['mean_aoi']}f}",
-            f"{point.objective:.4f}",
+            fixed(point.jain, 4),
+            fixed(point.mean_aoi, METRIC_DIGITS["mean_aoi"]),
+            fixed(point.objective, 4),
         )
         for point in front
     ]

@@ -8,10 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iout_marl.bounds import gap_percent, rounded_down
+from iout_marl.bounds import gap_percent
 from iout_marl.report.content import Line, Plot, Section, Table
-from iout_marl.report.measures import NO_BREAK, metric, place_text
-from iout_marl.report.study_figures import protocol
+from iout_marl.report.measures import (
+    NO_BREAK,
+    bound_text,
+    counted,
+    fixed,
+    metric,
+    place_text,
+)
+from iout_marl.report.study_figures import over_axis, protocol
 from iout_marl.study.results import Measured, Results, measured_of
 
 #: Gaps are drawn on a logarithmic axis; smaller ones are drawn as this, in percent.
@@ -43,7 +50,7 @@ class Spread:
     @property
     def is_range(self) -> bool:
         """Whether there is more than one value."""
-        return self.largest - self.least > ALIKE
+        return self.largest - self.least > ALIKE and math.isfinite(self.largest)
 
     def text(self) -> str:
         """As percent, the range only where there is one."""
@@ -106,8 +113,8 @@ def gaps_of(results: Results, bound: str, series: str, place: float) -> Gaps | N
         measured,
         float(np.mean([bounds[world] for world in worlds])),
         float(np.mean([reached[world] for world in worlds])),
-        Spread.of([gap_percent(m, bounds[w]) for m, w in zip(means, worlds, strict=True)]),
-        Spread.of([gap_percent(m, reached[w]) for m, w in zip(means, worlds, strict=True)]),
+        Spread.of([_gap(m, bounds[w]) for m, w in zip(means, worlds, strict=True)]),
+        Spread.of([_gap(m, reached[w]) for m, w in zip(means, worlds, strict=True)]),
     )
 
 
@@ -167,14 +174,15 @@ def _figure(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Pl
             Line(
                 name,
                 tuple(gaps.place for gaps in own),
-                tuple(max(s.median, LEAST_DRAWN) for s in spreads),
-                tuple(max(s.least, LEAST_DRAWN) if s.is_range else math.nan for s in spreads),
-                tuple(max(s.largest, LEAST_DRAWN) if s.is_range else math.nan for s in spreads),
+                tuple(_at_least_drawn(s.median) for s in spreads),
+                tuple(_at_least_drawn(s.least if s.is_range else math.nan) for s in spreads),
+                tuple(_at_least_drawn(s.largest if s.is_range else math.nan) for s in spreads),
                 colour=colour,
             )
         )
-    least = min(gaps.above_bound.least for gaps in found)
-    largest = max(gaps.above_bound.largest for gaps in found)
+    drawn = [g.above_bound for g in found if math.isfinite(g.above_bound.largest)]
+    least = min((spread.least for spread in drawn), default=0.0)
+    largest = max((spread.largest for spread in drawn), default=0.0)
     runs = protocol(results, [line.name for line in lines], intervals=False)
     return Plot(
         key=key,
@@ -187,11 +195,14 @@ def _figure(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Pl
         x_label=results.axis.label,
         y_label="Above the bound in %",
         lines=tuple(lines),
-        kind="bars",
         log_y=True,
         y_range=(LEAST_DRAWN, 1.5 * largest) if least < LEAST_DRAWN < largest else None,
-        categories=True,
+        **over_axis(results, lines),
     )
+
+
+def _at_least_drawn(percent: float) -> float:
+    return percent if math.isnan(percent) else max(percent, LEAST_DRAWN)
 
 
 def _table(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Table:
@@ -200,8 +211,8 @@ def _table(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Tab
             gaps.series,
             place_text(gaps.place),
             metric(gaps.mean_aoi, "mean_aoi"),
-            rounded_down(gaps.bound, 3),
-            f"{gaps.best_known:.3f}",
+            bound_text(gaps.bound, 3),
+            fixed(gaps.best_known, 3),
             gaps.above_bound.text(),
             gaps.above_best_known.text(),
         )
@@ -217,7 +228,7 @@ def _table(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Tab
             "bound and best known are means over them. Marked: whose policy is the best known, of "
             f"several layouts in one of them at least. {protocol(results, series, intervals=False)}"
         )
-        + (f" Left out are {without} runs in worlds without a bound." if without else ""),
+        + (f" Left out: {counted(without, 'run')} in worlds without a bound." if without else ""),
         command=results.command,
         columns=(
             "Series",
@@ -235,4 +246,11 @@ def _table(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Tab
 
 
 def _digits(percent: float) -> str:
-    return f"{percent:.0f}" if abs(percent) >= 10 else f"{max(percent, 0):.1f}"
+    return fixed(percent, 0 if abs(percent) >= 10 else 1)
+
+
+def _gap(mean_aoi: float, of: float) -> float:
+    """As `gap_percent`; above 0 a gap in percent is none, unless both are 0."""
+    if of == 0:
+        return 0.0 if mean_aoi == 0 else math.nan
+    return gap_percent(mean_aoi, of)

@@ -9,10 +9,21 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+from iout_marl.files import to_json
 from iout_marl.report import palette
 from iout_marl.report.content import Figure, Plot
 from iout_marl.report.markup import plotly_text
-from iout_marl.report.series import Series, lay_out, ticks, x_limits, y_limits
+from iout_marl.report.measures import place_text
+from iout_marl.report.series import (
+    LONGEST_NAME,
+    LONGEST_TITLE,
+    Series,
+    is_log_x,
+    lay_out,
+    ticks,
+    x_limits,
+    y_limits,
+)
 from iout_marl.report.space import draw_space
 
 _LEGEND = {
@@ -28,9 +39,6 @@ _LEGEND = {
 
 def plotly_json(figure: Figure) -> str:
     """A figure for `Plotly.newPlot`: an object with `data` and `layout`."""
-    # Plotly takes its time to load.
-    import plotly.graph_objects as go
-
     data, layout = _draw_plot(figure) if isinstance(figure, Plot) else draw_space(figure)
     common = {
         "template": {},  # else several kB of defaults
@@ -43,9 +51,16 @@ def plotly_json(figure: Figure) -> str:
         "font": {"family": "system-ui, sans-serif", "size": 13},
         "hoverlabel": {"align": "left"},
     }
-    # The validators of Plotly find misspelt names here and not in a reader's browser.
-    text: str = go.Figure(data=data, layout=common | layout).to_json()
-    return text
+    return to_json(_without_nan({"data": data, "layout": common | layout}))
+
+
+def _without_nan(part: Any) -> Any:
+    """The same with null for what is no number, which Plotly leaves out."""
+    if isinstance(part, dict):
+        return {key: _without_nan(value) for key, value in part.items()}
+    if isinstance(part, list | tuple):
+        return [_without_nan(value) for value in part]
+    return None if isinstance(part, float) and not math.isfinite(part) else part
 
 
 def _draw_plot(plot: Plot) -> tuple[list[dict[str, Any]], dict[str, Any]]:
@@ -62,7 +77,7 @@ def _draw_plot(plot: Plot) -> tuple[list[dict[str, Any]], dict[str, Any]]:
 
 def _axis(title: str, limits: tuple[float, float] | None) -> dict[str, Any]:
     axis: dict[str, Any] = {
-        "title": {"text": plotly_text(title), "standoff": 10},
+        "title": {"text": plotly_text(title, LONGEST_TITLE), "standoff": 10},
         "automargin": True,
         "zeroline": False,
         "showline": True,
@@ -95,19 +110,23 @@ def _y_axis(plot: Plot) -> dict[str, Any]:
 
 
 def _x_axis(plot: Plot) -> dict[str, Any]:
-    if not plot.categories:
-        if plot.log_x:
-            values = (x for line in plot.lines for x in line.x)
-            return _log_axis(plot.x_label, x_limits(plot), values)
-        return _axis(plot.x_label, x_limits(plot))
+    if is_log_x(plot):
+        values = (x for line in plot.lines for x in line.x)
+        axis = _log_axis(plot.x_label, x_limits(plot), values)
+    else:
+        axis = _axis(plot.x_label, x_limits(plot))
+    if not plot.at_places:
+        return axis
     places, labels = ticks(plot)
-    ruler = {"tickmode": "array", "tickvals": places, "ticktext": labels, "showgrid": False}
-    return _axis(plot.x_label, x_limits(plot)) | ruler
+    ruler = {"tickmode": "array", "tickvals": places, "ticktext": labels}
+    axis.pop("dtick", None)
+    return axis | ruler | {"showgrid": not plot.categories}
 
 
 def _entry(series: Series) -> dict[str, Any]:
-    name = plotly_text(series.line.name)
-    return {"name": name, "legendgroup": name, "showlegend": series.line.in_legend}
+    name = plotly_text(series.line.name, LONGEST_NAME)
+    # By its own name: two that are cut short alike are two.
+    return {"name": name, "legendgroup": series.group, "showlegend": series.in_legend}
 
 
 def _hover(plot: Plot, series: Series) -> dict[str, Any]:
@@ -117,10 +136,13 @@ def _hover(plot: Plot, series: Series) -> dict[str, Any]:
         text = f"{y:.4g}"
         if line.low and not math.isnan(line.low[i]):
             text += f"  [{line.low[i]:.4g}, {line.high[i]:.4g}]"
-        points.append([f"{x:g}", text])
+        points.append([place_text(x) if plot.at_places else f"{x:g}", text])
+    name, across, along = (
+        plotly_text(text, LONGEST_NAME) for text in (line.name, plot.x_label, plot.y_label)
+    )
     template = (
-        f"<b>{plotly_text(line.name)}</b><br>{plotly_text(plot.x_label)}: %{{customdata[0]}}"
-        f"<br>{plotly_text(plot.y_label)}: %{{customdata[1]}}<extra></extra>"
+        f"<b>{name}</b><br>{across}: %{{customdata[0]}}<br>{along}: %{{customdata[1]}}"
+        "<extra></extra>"
     )
     return {"customdata": points, "hovertemplate": template}
 
@@ -132,13 +154,13 @@ def _line(plot: Plot, series: Series) -> dict[str, Any]:
         "x": series.x,
         "y": series.y,
         "line": {
-            "color": series.colour,
+            "color": series.look.colour,
             "width": 2,
-            "dash": "dash" if series.line.dashed else "solid",
+            "dash": _dash(series),
         },
         "marker": {
-            "color": series.colour,
-            "symbol": palette.MARKS[series.mark][1],
+            "color": series.look.colour,
+            "symbol": series.look.mark[1],
             "size": 7,
             "maxdisplayed": 9 if series.band else 0,
         },
@@ -146,8 +168,14 @@ def _line(plot: Plot, series: Series) -> dict[str, Any]:
         **_hover(plot, series),
     }
     if not series.band and series.spans():
-        trace["error_y"] = _error_bars(series) | {"color": series.colour}
+        trace["error_y"] = _error_bars(series) | {"color": series.look.colour}
     return trace
+
+
+def _dash(series: Series) -> str:
+    if series.line.dashed:
+        return "dash"
+    return ",".join(f"{px}px" for px in series.look.dash) or "solid"
 
 
 def _bars(plot: Plot, series: Series) -> dict[str, Any]:
@@ -156,12 +184,15 @@ def _bars(plot: Plot, series: Series) -> dict[str, Any]:
         "x": series.x,
         "y": series.y,
         "width": series.width,
-        "marker": {"color": series.colour},
+        "marker": {"color": series.look.colour},
         **_entry(series),
         **_hover(plot, series),
     }
-    if series.line.dashed:  # hatched where lines would be dashed
-        trace["marker"]["pattern"] = {"shape": "/", "fillmode": "overlay", "solidity": 0.3}
+    if series.look.hatch[1]:
+        _, shape, size = series.look.hatch
+        # As white as in the pictures, also on a dark page.
+        pattern = {"shape": shape, "size": size, "solidity": 0.3, "fgcolor": "#ffffff"}
+        trace["marker"]["pattern"] = {**pattern, "fillmode": "overlay"}
     if series.spans():
         trace["error_y"] = _error_bars(series)  # the page sets its colour
     return trace
@@ -200,8 +231,8 @@ def _band(series: Series) -> dict[str, Any]:
         "x": x,
         "y": y,
         "fill": "toself",
-        "fillcolor": palette.translucent(series.colour, 0.18),
-        "line": {"width": 0, "color": series.colour},
+        "fillcolor": palette.translucent(series.look.colour, 0.18),
+        "line": {"width": 0, "color": series.look.colour},
         "hoverinfo": "skip",
         **_entry(series),
         "showlegend": False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import importlib.resources
 import re
 from collections import Counter
 from collections.abc import Mapping
@@ -12,7 +13,8 @@ from markupsafe import Markup
 
 from iout_marl.report.content import Answers, Figure, Plot, Report, Table, Trajectory, Verdict
 from iout_marl.report.interactive import plotly_json
-from iout_marl.report.markup import html_text
+from iout_marl.report.markup import html_cell, html_text, json_script, plain_text
+from iout_marl.report.series import legend
 from iout_marl.report.static import draw
 
 #: In words of a class name, and with a sign, so that no verdict is told by colour alone.
@@ -36,8 +38,6 @@ def render_page(report: Report, pictures: Mapping[str, bytes] | None = None) -> 
     Raises:
         ValueError: two parts have the same key, or a key makes no anchor.
     """
-    from plotly.offline import get_plotlyjs
-
     _check_keys(report)
     pictures = pictures or {figure.key: draw(figure)["svg"] for figure in report.figures()}
     environment = jinja2.Environment(
@@ -48,7 +48,12 @@ def render_page(report: Report, pictures: Mapping[str, bytes] | None = None) -> 
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"text": html_text, "slug": _slug}
+    environment.filters |= {
+        "text": html_text,
+        "cell": html_cell,
+        "plain": plain_text,
+        "slug": _slug,
+    }
     environment.tests |= {
         "figure": lambda item: isinstance(item, Plot | Trajectory),
         "trajectory": lambda item: isinstance(item, Trajectory),
@@ -64,8 +69,8 @@ def render_page(report: Report, pictures: Mapping[str, bytes] | None = None) -> 
         verdicts=_VERDICTS,
         style=inlined("report.css"),
         script=inlined("report.js"),
-        plotly=Markup(_as_script(get_plotlyjs())),
-        data={f.key: Markup(_as_json_script(plotly_json(f))) for f in report.figures()},
+        plotly=Markup(_as_script(_plotly())) if any(report.figures()) else "",
+        data={f.key: json_script(plotly_json(f)) for f in report.figures()},
         pictures={key: _data_uri(svg) for key, svg in pictures.items()},
         alt={figure.key: _alternative(figure) for figure in report.figures()},
         entries={figure.key: _legend_entries(figure) for figure in report.figures()},
@@ -75,20 +80,25 @@ def render_page(report: Report, pictures: Mapping[str, bytes] | None = None) -> 
 def _check_keys(report: Report) -> None:
     keys = [section.key for section in report.sections]
     keys += [item.key for section in report.sections for item in section.items]
-    for key, count in Counter(keys).items():
-        if count > 1:
-            raise ValueError(f"{key!r} is the key of {count} parts of the report")
+    # Folders of some systems do not tell small letters from capitals.
+    count = Counter(key.casefold() for key in keys)
+    for key in keys:
+        if count[key.casefold()] > 1:
+            raise ValueError(f"{key!r} is the key of {count[key.casefold()]} parts of the report")
         if not _KEY.fullmatch(key):
             raise ValueError(f"{key!r} is no key: an ASCII letter, then letters, digits, . _ -")
+
+
+def _plotly() -> str:
+    """Plotly for browsers, without loading it here: surroundings such as PLOTLY_RENDERER can
+    keep that from being done."""
+    path = importlib.resources.files("plotly") / "package_data" / "plotly.min.js"
+    return path.read_text(encoding="utf-8")
 
 
 def _as_script(code: str) -> str:
     # Both would end a script element early or keep it from ending.
     return code.replace("</script", r"<\/script").replace("<!--", r"<\!--")
-
-
-def _as_json_script(text: str) -> str:
-    return text.replace("<", r"\u003c").replace(">", r"\u003e").replace("&", r"\u0026")
 
 
 def _data_uri(svg: bytes) -> str:
@@ -103,12 +113,12 @@ def _alternative(figure: Figure) -> str:
     """What those read who do not see the figure."""
     if isinstance(figure, Trajectory):
         size = " × ".join(map(str, figure.grid))
-        return (
+        return plain_text(
             f"{figure.title}: path of an AUV of {len(figure.charged)} slots through a grid "
             f"of {size} cells with {len(figure.nodes)} nodes. The CSV file has every slot."
         )
     names = ", ".join(dict.fromkeys(line.name for line in figure.lines))
-    return (
+    return plain_text(
         f"{figure.title}: {figure.y_label} over {figure.x_label} for {names}. "
         "The CSV file has the values."
     )
@@ -117,4 +127,4 @@ def _alternative(figure: Figure) -> str:
 def _legend_entries(figure: Figure) -> int:
     if isinstance(figure, Trajectory):
         return 7
-    return sum(line.in_legend for line in figure.lines)
+    return len(legend(figure))

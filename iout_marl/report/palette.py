@@ -1,11 +1,13 @@
-"""Colours of the report's figures, one set for light and dark pages alike.
+"""Looks of the lines and bars in the report's figures, for light and dark pages alike.
 
 The hues are those of Okabe and Ito, told apart whatever the eye's colour vision; the light
-ones are darkened until every colour has a contrast of 3 to white and to a dark page. Lines
-of the same colour are told apart by their marks too.
+ones are darkened until every colour has a contrast of 3 to white and to a dark page. Where
+they recur, lines differ by mark and dashes, bars by their hatching.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 #: Blue, orange, green, vermilion, purple, sky, grey, olive.
 COLOURS = (
@@ -26,8 +28,8 @@ SLOTS = ("#7257cf", "#2f7fc4", "#1c9c83", "#62a52a", "#a89f06")
 CHARGED, HEARD, FAILED = COLOURS[1], COLOURS[0], COLOURS[3]
 NODE = COLOURS[GREY]
 
-#: Marks by index: what matplotlib calls them, and what Plotly does. Their number shares no
-#: factor with that of the colours, so that lines beyond the last colour differ by the mark.
+#: Marks: what matplotlib calls them, and what Plotly does. Their number shares no factor with
+#: that of the colours, so that the first 56 lines differ by these two alone.
 MARKS = (
     ("o", "circle"),
     ("s", "square"),
@@ -37,11 +39,61 @@ MARKS = (
     ("P", "cross"),
     ("X", "x"),
 )
+#: Strokes and gaps in px for the first eight lines, the next eight, ...; none is a whole line.
+DASHES = ((), (2, 3), (9, 3, 2, 3), (14, 4), (5, 2, 2, 2, 2, 2))
+#: Of lines that are drawn dashed for what they mean, whatever their colour.
+DASHED = (8, 4)
+#: Hatching: what matplotlib calls it, what Plotly does, and its size there in px. Bars of the
+#: first eight lines have one of the first three, those of the next eight of the next three, ...
+HATCHES = (
+    *(("", "", 8), ("\\\\\\\\", "\\", 8), ("xxx", "x", 8)),
+    *(("...", ".", 8), ("---", "-", 8), ("|||", "|", 8)),
+    *(("+++", "+", 8), ("\\\\", "\\", 16), ("oo", ".", 16)),
+)
+#: Which of the three, by colour: those that look alike to the red-green blind differ.
+_HATCH_OF = (0, 0, 0, 1, 0, 0, 1, 2)
+#: Of bars that stand where lines would be dashed.
+HATCHED = ("///", "/", 8)
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a line or a bar is drawn.
+
+    Attributes:
+        colour: `#rrggbb`.
+        mark: what matplotlib and Plotly call it.
+        dash: strokes and gaps in px; empty for a whole line.
+        hatch: what matplotlib and Plotly call it, and its size there in px.
+    """
+
+    colour: str
+    mark: tuple[str, str]
+    dash: tuple[int, ...]
+    hatch: tuple[str, str, int]
+
+
+def look(index: int, *, dashed: bool = False) -> Look:
+    """The look of an index; the first 280 lines differ from one another, the first 24 bars."""
+    group, number = divmod(index, len(COLOURS))
+    hatch = (3 * group + _HATCH_OF[number]) % len(HATCHES)
+    return Look(
+        colour(index),
+        MARKS[index % len(MARKS)],
+        DASHED if dashed else DASHES[group % len(DASHES)],
+        HATCHED if dashed else HATCHES[hatch],
+    )
 
 
 def colour(index: int) -> str:
     """The colour of an index, `#rrggbb`; they recur after the last."""
     return COLOURS[index % len(COLOURS)]
+
+
+def hue(number: int) -> int:
+    """The index of a look that is not grey, the first, the second, ... from 0 on."""
+    rounds, place = divmod(number, len(COLOURS) - 1)
+    return rounds * len(COLOURS) + place + (place >= GREY)
 
 
 def translucent(colour: str, alpha: float) -> str:

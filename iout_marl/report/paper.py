@@ -15,6 +15,7 @@ from iout_marl.report.paper_tables import (
     cost_table,
     hyperparameter_table,
     paper_settings,
+    setting,
     trained_settings,
 )
 from iout_marl.report.plain import cells_section, facts
@@ -64,13 +65,19 @@ def paper_report(results: Results) -> Report:
 def _lead(results: Results, claims: Answers) -> tuple[str, ...]:
     counts = [(v, claims.count(v)) for v in get_args(Verdict)]
     told = ", ".join(f"{n} {v}" for v, n in counts if n)
-    lead = [results.description, f"Of the paper's {len(claims.answers)} claims: {told}."]
+    provisionally = ", provisionally" if claims.provisional else ""
+    lead = [
+        results.description,
+        f"Of the paper's {len(claims.answers)} claims{provisionally}: {told}.",
+    ]
     lead += _settings_told(results)
     if results.quick:
         lead.append(
             "This is the study's short form (`--quick`): fewer K, one seed, shorter trainings. "
             "Without a second seed no interval of a trained policy can be given, and orders are "
-            "judged by single values."
+            "judged by single values: verdicts on what was measured are provisional, and that on "
+            "the cost of training is left open, since times of one training beside other work "
+            "tell little."
         )
     return (*(text for text in lead if text), *judgements(results))
 
@@ -82,9 +89,9 @@ def _settings_told(results: Results) -> list[str]:
         own, paper = trained_settings(results, mode), paper_settings(mode)
         differing = {"discount": "γ", "learning_rate": "learning rate", "steps": "steps"}
         parts = [
-            f"{label} {own[key]:,} (the paper: {paper[key]:,})"
+            f"{label} {setting(own, key)} (the paper: {setting(paper, key)})"
             for key, label in differing.items()
-            if own and own[key] != paper[key]
+            if key in own and own[key] != paper[key]
         ]
         if parts:
             told.append(f"{name}: {', '.join(parts)}")
@@ -138,7 +145,8 @@ def _learning(results: Results) -> Section:
         )
         if results.records(name)
     ]
-    return Section("learning", "Learning curves", items=tuple(items))
+    shown = tuple(figure for figure in items if figure.lines)
+    return Section("learning", "Learning curves", items=shown)
 
 
 def _paths(results: Results) -> Section:

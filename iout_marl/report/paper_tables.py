@@ -7,7 +7,16 @@ from typing import Any
 import numpy as np
 
 from iout_marl.report.content import Table
-from iout_marl.report.measures import duration, number, place_text
+from iout_marl.report.markup import as_data
+from iout_marl.report.measures import (
+    MOST_DIGITS,
+    duration,
+    fixed,
+    number,
+    place_text,
+    ratio,
+    samples,
+)
 from iout_marl.report.names import FDD, TDD
 from iout_marl.report.sources import printed_costs
 from iout_marl.report.study_figures import seconds
@@ -71,7 +80,7 @@ def cost_table(results: Results) -> Table:
                 f"{nodes} nodes {mode.upper()}",
                 duration(60 * printed.minutes),
                 number(time.estimate, 1, "s"),
-                f"{60 * printed.minutes / time.mean:,.0f}",
+                _times(60 * printed.minutes, time.mean),
                 f"{1000 * printed.energy_kwh:.1f}",
                 _milli(energy),
                 f"{1000 * printed.co2_kg:.1f}",
@@ -86,9 +95,9 @@ def cost_table(results: Results) -> Table:
     }
     if used:
         how = (
-            f"Energy and CO₂ as codecarbon {', '.join(sorted(used))} estimates them of the "
-            "training's own process: from the processor's counters where it can read them, else "
-            "from its nominal power and load, which follows the time."
+            f"Energy and CO₂ as codecarbon {as_data(', '.join(sorted(used)))} estimates them of "
+            "the training's own process: from the processor's counters where it can read them, "
+            "else from its nominal power and load, which follows the time."
         )
         how += f" Carbon intensity: {results.carbon_g_per_kwh:g} g/kWh, the paper's own."
     else:
@@ -118,6 +127,11 @@ def cost_table(results: Results) -> Table:
     )
 
 
+def _times(paper_s: float, here_s: float) -> str:
+    times = ratio(paper_s, here_s)
+    return f"{times:,.0f}" if 0 <= times < MOST_DIGITS else fixed(times, 0)
+
+
 def _milli(measured: Measured | None) -> str:
     """In thousandths of its unit."""
     if measured is None:
@@ -132,7 +146,7 @@ def hyperparameter_table(results: Results) -> Table:
     rows = [
         (
             heading + ("" if field in PRINTED else " *"),
-            *(_setting(s, field) for s in (*paper, *own)),
+            *(setting(s, field) for s in (*paper, *own)),
         )
         for heading, field in HYPERPARAMETERS
     ]
@@ -162,11 +176,14 @@ def trained_settings(results: Results, mode: str) -> dict[str, Any]:
     return records[-1].training.settings if records and records[-1].training else {}
 
 
-def _setting(settings: dict[str, Any], field: str) -> str:
-    value = settings.get(field, "–")
-    if isinstance(value, list):
-        return " × ".join(map(str, value))
-    return f"{value:,}" if isinstance(value, int) else f"{value}"
+def setting(settings: dict[str, Any], field: str) -> str:
+    """A setting as text; a dash where it is none that this software knows."""
+    value = settings.get(field)
+    if isinstance(value, list) and all(isinstance(part, int | float | str) for part in value):
+        return as_data(" × ".join(map(str, value)))
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return f"{value:,}"
+    return as_data(value) if isinstance(value, str) else "–"
 
 
 def constraint_table(results: Results, series: list[str]) -> Table:
@@ -175,19 +192,20 @@ def constraint_table(results: Results, series: list[str]) -> Table:
     for place in results.places():
         for name in series:
             records = results.records(name, place)
-            if not records:
+            if not samples(records, "jain"):
                 continue
-            jain = np.concatenate([r.samples["jain"] for r in records])
-            unfair = np.concatenate([r.samples["jain_violation"] for r in records])
-            late = np.concatenate([r.samples["age_violations"] for r in records])
+            jain, unfair, late = (
+                np.array(samples(records, metric))
+                for metric in ("jain", "jain_violation", "age_violations")
+            )
             rows.append(
                 (
                     name,
                     place_text(place),
-                    f"{jain.min():.3f}",
-                    f"{100 * unfair.mean():.0f} %",
+                    fixed(jain.min(), 3),
+                    f"{fixed(100 * unfair.mean(), 0)} %",
                     f"{100 * (late > 0).mean():.0f} %",
-                    f"{late.mean():.1f}",
+                    fixed(late.mean(), 1),
                 )
             )
             marked |= {(len(rows) - 1, 3)} if unfair.any() else set()

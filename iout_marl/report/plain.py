@@ -7,11 +7,13 @@ from collections import Counter
 from iout_marl.report.content import Report, Section, Table
 from iout_marl.report.fronts import front_section
 from iout_marl.report.gaps import gap_lead, gap_section
-from iout_marl.report.measures import duration, place_text
+from iout_marl.report.measures import counted, duration, fixed, place_text
 from iout_marl.report.palette import COLOURS
 from iout_marl.report.study_figures import learning_figure, metric_figure, metrics_table
 from iout_marl.study.results import Results
 
+#: Series that a figure has room for.
+MOST_SERIES = 24
 #: Metrics that get a figure of their own.
 FIGURES = (
     ("mean_aoi", "Mean Age of Information"),
@@ -35,7 +37,7 @@ def plain_report(results: Results) -> Report:
     lead = [results.description] if results.description else []
     if best is not None:
         lead.append(
-            f"The lowest mean AoI, {best[0]:.2f}, is that of {best[1]} at "
+            f"The lowest mean AoI, {fixed(best[0], 2)}, is that of {best[1]} at "
             f"{results.axis.label} = {place_text(best[2])}."
         )
     lead += gap_lead(results)
@@ -64,7 +66,7 @@ def plain_report(results: Results) -> Report:
 
 def _families(series: list[str]) -> list[tuple[str, str, list[str]]]:
     """Series that share a figure: all, or, where these are too many to be told apart, those
-    whose names go on alike after their first comma.
+    whose names go on alike after their first comma, and so many of these as can be.
 
     Returns:
         for each: what its key ends with, what its title ends with, and the series.
@@ -74,9 +76,13 @@ def _families(series: list[str]) -> list[tuple[str, str, list[str]]]:
     families: dict[str, list[str]] = {}
     for name in series:
         families.setdefault(name.partition(", ")[2], []).append(name)
+    parts = [
+        (rest, names[i : i + MOST_SERIES])
+        for rest, names in families.items()
+        for i in range(0, len(names), MOST_SERIES)
+    ]
     return [
-        (f"-{i + 1}", f": {rest}" if rest else "", names)
-        for i, (rest, names) in enumerate(families.items())
+        (f"-{i + 1}", f": {rest}" if rest else "", names) for i, (rest, names) in enumerate(parts)
     ]
 
 
@@ -89,23 +95,22 @@ def learning_section(results: Results, series: list[str]) -> Section:
         )
         for i, name in enumerate(trained)
     ]
-    return Section("learning", "Learning curves", items=tuple(items))
+    shown = tuple(figure for figure in items if figure.lines)
+    return Section("learning", "Learning curves", items=shown)
 
 
 def cells_section(results: Results) -> Section:
     """Scenarios and their hashes; what failed."""
-    scenarios: dict[str, tuple[str, ...]] = {}
+    scenarios: dict[tuple[str, float], tuple[str, ...]] = {}
+    seeds: dict[tuple[str, float], list[str]] = {}
     for cell in results.cells:
         record = cell.record
-        seeds = [str(r.seed) for r in results.records(cell.series, cell.axis)]
+        seeds.setdefault((cell.series, cell.axis), []).append(f"{record.seed}")
         scenarios.setdefault(
-            f"{cell.series} {cell.axis:g}",
+            (cell.series, cell.axis),
             (
-                cell.series,
-                place_text(cell.axis),
                 record.scenario,
                 record.scenario_hash,
-                ", ".join(seeds),
                 f"{record.episodes}",
                 f"{record.training.env_steps:,}" if record.training else "–",
                 record.search or "–",
@@ -127,7 +132,10 @@ def cells_section(results: Results) -> Section:
                 "Environment steps",
                 "Search",
             ),
-            rows=tuple(scenarios.values()),
+            rows=tuple(
+                (series, place_text(place), *what[:2], ", ".join(seeds[series, place]), *what[2:])
+                for (series, place), what in scenarios.items()
+            ),
             numeric=frozenset({1, 5, 6}),
         )
     ]
@@ -148,6 +156,10 @@ def cells_section(results: Results) -> Section:
     return Section("what-was-run", "What was run", items=tuple(items))
 
 
+def _cores(number: str) -> str:
+    return counted(int(number), "core") if number.isdecimal() else f"{number} cores"
+
+
 def facts(results: Results) -> tuple[tuple[str, str], ...]:
     """Machine, versions, dates, numbers of cells, and the time they took."""
     records = [cell.record for cell in results.cells]
@@ -155,7 +167,7 @@ def facts(results: Results) -> tuple[tuple[str, str], ...]:
     machines = Counter(tuple(sorted(record.machine.items())) for record in records)
     for machine, count in machines.most_common():
         values = dict(machine)
-        where = f"{values.pop('processor', '')}, {values.pop('cores', '?')} cores"
+        where = f"{values.pop('processor', '')}, {_cores(values.pop('cores', '?'))}"
         system = values.pop("system", "")
         versions = ", ".join(f"{name} {number}" for name, number in values.items())
         share = f" ({count} of {len(records)} cells)" if len(machines) > 1 else ""
@@ -164,7 +176,8 @@ def facts(results: Results) -> tuple[tuple[str, str], ...]:
     found.append(("Date", " to ".join(dict.fromkeys((dates[0], dates[-1]))) if dates else "–"))
     trained = [record.training for record in records if record.training]
     total = sum(training.seconds for training in trained)
-    cells = f"{len(records)}, of which {len(trained)} are trainings"
+    kind = "is a training" if len(trained) == 1 else "are trainings"
+    cells = f"{len(records)}, of which {len(trained)} {kind}"
     found.append(
         ("Cells", cells + (f"; {len(results.failures)} failed" if results.failures else ""))
     )

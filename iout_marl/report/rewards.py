@@ -7,8 +7,15 @@ from dataclasses import dataclass
 from iout_marl.evaluation import Estimate
 from iout_marl.report.checks import Check, symbol
 from iout_marl.report.content import Table
+from iout_marl.report.measures import (
+    counted,
+    fixed,
+    percent,
+    place_text,
+    reduction,
+    samples,
+)
 from iout_marl.report.measures import metric as metric_text
-from iout_marl.report.measures import percent, place_text, reduction
 from iout_marl.report.names import BEST_FDD, BEST_TDD, FDD, TDD
 from iout_marl.report.study_figures import protocol
 from iout_marl.study.results import Results
@@ -99,13 +106,14 @@ class Place:
         found = []
         if self.unfair[1] > self.unfair[0]:
             found.append(
-                f"fairness below J_min in {self.unfair[1]} of {self.trainings[1]} trainings at "
+                f"fairness below J_min in {self.unfair[1]} of "
+                f"{counted(self.trainings[1], 'training')} at "
                 f"{self.where} ({self.unfair[0]} of {self.trainings[0]} with the paper's reward)"
             )
         if self.late[1] > self.late[0]:
             found.append(
-                f"{self.late[1]:.0f} node-slots above A_max at {self.where} ({self.late[0]:.0f} "
-                "with the paper's reward)"
+                f"{fixed(self.late[1], 0)} node-slots above A_max at {self.where} "
+                f"({fixed(self.late[0], 0)} with the paper's reward)"
             )
         return found
 
@@ -119,8 +127,10 @@ def compare(results: Results) -> dict[str, list[Place]]:
             if a is None or b is None:
                 continue
             both = [results.records(name, place) for name in (paper, best)]
-            jain = [[v for r in records for v in r.samples["jain"]] for records in both]
-            unfair = [sum(max(r.samples["jain_violation"]) > 0 for r in rs) for rs in both]
+            jain = [samples(records, "jain") for records in both]
+            if not all(jain):
+                continue
+            unfair = [sum(max(samples([r], "jain_violation")) > 0 for r in rs) for rs in both]
             late = [sum(r.mean("age_violations") for r in records) for records in both]
             found.setdefault(mode, []).append(
                 Place(
@@ -136,7 +146,12 @@ def compare(results: Results) -> dict[str, list[Place]]:
 
 
 def _judgement(mode: str, places: list[Place]) -> str:
-    """Which reward to use, and at what price."""
+    """Which reward to use, and at what price; of single trainings, provisionally."""
+    single = any(min(place.trainings) < 2 for place in places)
+    return f"{'provisionally (one seed), ' if single else ''}{_advised(mode, places)}"
+
+
+def _advised(mode: str, places: list[Place]) -> str:
     what = "mean AoI alone" + (" with the better β rule" if mode == "TDD" else "")
     fresher = [place for place in places if place.is_fresher]
     if not fresher:
@@ -144,7 +159,11 @@ def _judgement(mode: str, places: list[Place]) -> str:
     shares = [100 * place.reduction.mean for place in fresher]
     everywhere = len(fresher) == len(places)
     where = "at every K" if everywhere else "at " + ", ".join(place.where for place in fresher)
-    by = f"by {min(shares):.0f} to {max(shares):.0f} %" if len(shares) > 1 else f"{shares[0]:.0f} %"
+    by = (
+        f"by {fixed(min(shares), 0)} to {fixed(max(shares), 0)} %"
+        if len(shares) > 1
+        else f"by {fixed(shares[0], 0)} %"
+    )
     fresh = f"train on {what}: mean AoI is lower {where}, {by}"
     prices = [price for place in places for price in place.prices()]
     if not prices:
@@ -163,9 +182,11 @@ def advice(results: Results) -> list[str]:
     for mode, places in compare(results).items():
         shares = "; ".join(f"{p.where}: {percent(p.reduction)}" for p in places)
         fairness = "; ".join(
-            f"{p.where}: {p.fairness[1]:.3f} ({p.fairness[0]:.3f})" for p in places
+            f"{p.where}: {fixed(p.fairness[1], 3)} ({fixed(p.fairness[0], 3)})" for p in places
         )
-        late = "; ".join(f"{p.where}: {p.late[1]:.0f} ({p.late[0]:.0f})" for p in places)
+        late = "; ".join(
+            f"{p.where}: {fixed(p.late[1], 0)} ({fixed(p.late[0], 0)})" for p in places
+        )
         lines.append(
             f"{mode}: {_judgement(mode, places)}. Reduction of mean AoI against the paper's "
             f"reward: {shares}. Lowest Jain's index of any training, in brackets with the "

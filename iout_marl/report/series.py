@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 
 from iout_marl.report import palette
 from iout_marl.report.content import Line, Plot
+from iout_marl.report.measures import place_text
 
+#: Columns at which a name in a legend and the title of an axis are cut short.
+LONGEST_NAME, LONGEST_TITLE = 60, 80
+
+_MOST_ENTRIES = 60  # of a legend
 _BAND_FROM = 13  # points from which intervals are a band, not bars
 _MOST_TICKS = 24
+_MOST_LETTERS = 90  # of labels beside one another below an axis
 _NO_DATA = (1.0, 10.0)  # a logarithmic axis without any
+_LARGEST = 1e150  # beyond which nothing is drawn: squares must be numbers
+_SMALLEST = 1e-150
 
 
 @dataclass(frozen=True)
@@ -19,8 +28,9 @@ class Series:
     """A line as it is drawn. NaN stands for what cannot be drawn or is not known.
 
     Attributes:
-        colour: `#rrggbb`.
-        mark: index into `palette.MARKS`.
+        look: colour, mark, dashes, hatching.
+        group: lines of one group are shown and hidden together.
+        in_legend: whether the legend has an entry for it.
         x: places on the axis; for categories 0, 1, 2 ..., a little beside one another.
         y, low, high: values; on a logarithmic axis, intervals end at its smallest value.
         band: intervals are drawn as a band, else as error bars.
@@ -28,8 +38,9 @@ class Series:
     """
 
     line: Line
-    colour: str
-    mark: int
+    look: palette.Look
+    group: str
+    in_legend: bool
     x: tuple[float, ...]
     y: tuple[float, ...]
     low: tuple[float, ...]
@@ -45,7 +56,6 @@ class Series:
 
 def lay_out(plot: Plot) -> list[Series]:
     """The lines of a plot, in their order."""
-    places = {x: float(i) for i, x in enumerate(categories(plot))}
     smallest = smallest_value(plot)
     count = len(plot.lines)
     bars = plot.kind == "bars"
@@ -53,61 +63,131 @@ def lay_out(plot: Plot) -> list[Series]:
         step = 0.8 * _smallest_distance(plot) / max(count, 1)
     else:
         step = min(0.06, 0.24 / max(count, 1)) if plot.categories else 0.0
+    position = positions(plot)
+    entries = legend(plot)
+    groups = {name: f"{i}" for i, name in enumerate({line.name: 0 for line in plot.lines})}
     laid_out = []
     for i, line in enumerate(plot.lines):
-        index = i if line.colour is None else line.colour
         aside = (i - (count - 1) / 2) * step
-        low = tuple(map(float, line.low)) or (math.nan,) * len(line.y)
-        high = tuple(map(float, line.high)) or (math.nan,) * len(line.y)
-        y = tuple(map(float, line.y))
+        unknown = (math.nan,) * len(line.y)
+        y, low, high = (tuple(map(_drawn, v)) for v in (line.y, line.low, line.high))
+        low, high = low or unknown, high or unknown
         if plot.log_y:
-            y = tuple(value if value > 0 else math.nan for value in y)
+            y = tuple(value if value >= _SMALLEST else math.nan for value in y)
             low = tuple(max(value, smallest) if value == value else value for value in low)
             high = tuple(max(value, smallest) if value == value else value for value in high)
         known = [not math.isnan(a + b + c) for a, b, c in zip(low, high, y, strict=True)]
         laid_out.append(
             Series(
                 line=line,
-                colour=palette.colour(index),
-                mark=index % len(palette.MARKS),
-                x=tuple(places.get(x, float(x)) + aside for x in line.x),
+                look=palette.look(i if line.colour is None else line.colour, dashed=line.dashed),
+                group=groups[line.name],
+                in_legend=i in entries,
+                x=tuple(position(x) + aside for x in line.x),
                 y=y,
                 low=tuple(a if k else math.nan for a, k in zip(low, known, strict=True)),
                 high=tuple(a if k else math.nan for a, k in zip(high, known, strict=True)),
-                band=not bars and not plot.categories and line.joined and len(line.x) >= _BAND_FROM,
+                band=not bars and not plot.at_places and line.joined and len(line.x) >= _BAND_FROM,
                 width=0.92 * step,
             )
         )
     return laid_out
 
 
-def categories(plot: Plot) -> list[float]:
-    """The values that are categories, ascending; none where x is a continuous axis."""
-    return sorted({x for line in plot.lines for x in line.x}) if plot.categories else []
+def legend(plot: Plot) -> list[int]:
+    """Which lines have an entry in the legend: the first of them, if there are very many."""
+    return [i for i, line in enumerate(plot.lines) if line.in_legend][:_MOST_ENTRIES]
+
+
+def _drawn(value: float) -> float:
+    return float(value) if abs(value) <= _LARGEST else math.nan
+
+
+def positions(plot: Plot) -> Callable[[float], float]:
+    """Where values of x are drawn: categories at 0, 1, 2, ..., all others at themselves.
+
+    A logarithmic axis with values of 0 or below goes by powers of ten in both directions, the
+    value that is next to 0 one power away from it.
+    """
+    if plot.categories:
+        places = {x: float(i) for i, x in enumerate(_values(plot))}
+        return places.__getitem__
+    if not has_two_sides(plot):
+        return _drawn
+    nearest = min((abs(x) for x in _values(plot) if abs(x) >= _SMALLEST), default=1.0)
+
+    def position(x: float) -> float:
+        if abs(x) < nearest or not math.isfinite(x):
+            return 0.0 if abs(x) < nearest else math.nan
+        return math.copysign(1 + math.log10(abs(x) / nearest), x)
+
+    return position
+
+
+def has_two_sides(plot: Plot) -> bool:
+    """Whether a logarithmic x axis must show 0, or values below."""
+    return plot.log_x and plot.at_places and min(_values(plot), default=1.0) < _SMALLEST
+
+
+def is_log_x(plot: Plot) -> bool:
+    """Whether the x axis is logarithmic as drawn: positions are the values themselves."""
+    return plot.log_x and not plot.categories and not has_two_sides(plot)
+
+
+def _values(plot: Plot) -> list[float]:
+    return sorted({x for line in plot.lines for x in line.x})
 
 
 def ticks(plot: Plot) -> tuple[list[float], list[str]]:
-    """Places and labels of the categories; if there are very many, of every so many."""
-    labels = [f"{x:g}" for x in categories(plot)]
-    every = -(-len(labels) // _MOST_TICKS) or 1
-    return [float(i) for i in range(0, len(labels), every)], labels[::every]
+    """Where ticks are, and their labels: at the places, as many as have room."""
+    position = positions(plot)
+    where = [(position(x), place_text(x)) for x in _values(plot)]
+    if plot.categories:
+        every = -(-len(where) // _MOST_TICKS) or 1
+        chosen = where[::every]
+    else:
+        scale = math.log10 if is_log_x(plot) else float
+        at = [(scale(p), p, label) for p, label in where if not math.isnan(p)]
+        room = (at[-1][0] - at[0][0]) / _MOST_LETTERS if at else 0.0
+        chosen, free_from = [], -math.inf
+        for place, p, label in at:
+            half = room * (len(label) + 1) / 2
+            if place - half >= free_from:
+                chosen.append((p, label))
+                free_from = place + half
+    return [p for p, _ in chosen], [label for _, label in chosen]
 
 
 def smallest_value(plot: Plot) -> float:
     """The smallest value above 0 of y and its intervals; 1 if there is none."""
     values = (value for line in plot.lines for part in (line.y, line.low) for value in part)
-    return min((value for value in values if value > 0), default=1.0)
+    return min((value for value in values if _SMALLEST <= value <= _LARGEST), default=1.0)
 
 
 def x_limits(plot: Plot) -> tuple[float, float] | None:
     """Limits of the x axis; None where they are left to the data."""
     if plot.categories:
-        return -0.6, len(categories(plot)) - 0.4
+        return -0.6, len(_values(plot)) - 0.4
+    if plot.at_places:
+        return _around_places(plot)
     if plot.x_range is not None or not plot.log_x:
         return plot.x_range
     points = (point for line in plot.lines for point in zip(line.x, line.y, strict=True))
     is_drawn = (x > 0 and (y > 0 if plot.log_y else not math.isnan(y)) for x, y in points)
     return None if any(is_drawn) else _NO_DATA
+
+
+def _around_places(plot: Plot) -> tuple[float, float] | None:
+    """From the first to the last, with a little room beside them for their marks."""
+    position = positions(plot)
+    where = [p for p in map(position, _values(plot)) if not math.isnan(p)]
+    if not where:
+        return None
+    if is_log_x(plot):
+        room = max((where[-1] / where[0]) ** 0.05, 1.1)
+        return where[0] / room, where[-1] * room
+    room = 0.05 * (where[-1] - where[0]) or max(abs(where[0]) / 2, 0.5)
+    return where[0] - room, where[-1] + room
 
 
 def y_limits(plot: Plot) -> tuple[float, float] | None:
@@ -119,7 +199,9 @@ def y_limits(plot: Plot) -> tuple[float, float] | None:
     if plot.y_range is not None or not plot.log_y:
         return plot.y_range
     parts = [part for line in plot.lines for part in (line.y, line.high)]
-    highest = max((value for part in parts for value in part if value > 0), default=None)
+    highest = max(
+        (value for part in parts for value in part if _SMALLEST <= value <= _LARGEST), default=None
+    )
     if highest is None:
         return _NO_DATA
     if plot.kind == "bars":
@@ -130,5 +212,5 @@ def y_limits(plot: Plot) -> tuple[float, float] | None:
 def _smallest_distance(plot: Plot) -> float:
     if plot.categories:
         return 1.0
-    places = sorted({x for line in plot.lines for x in line.x})
+    places = list(map(positions(plot), _values(plot)))
     return min((b - a for a, b in pairwise(places)), default=1.0)

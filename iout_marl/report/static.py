@@ -4,12 +4,27 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from rich.cells import cell_len
+
 from iout_marl.render import style
+from iout_marl.render.settings import drawing
 from iout_marl.report import palette
-from iout_marl.report.content import Figure, Line, Plot, Trajectory
-from iout_marl.report.series import Series, lay_out, ticks, x_limits, y_limits
+from iout_marl.report.content import Figure, Plot, Trajectory
+from iout_marl.report.markup import plain_text
+from iout_marl.report.series import (
+    LONGEST_NAME,
+    LONGEST_TITLE,
+    Series,
+    is_log_x,
+    lay_out,
+    legend,
+    ticks,
+    x_limits,
+    y_limits,
+)
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -19,8 +34,6 @@ _WIDTH_IN = 7.4
 _OPTIONS: Any = {
     "svg.hashsalt": "iout",  # else identifiers in the SVG are drawn by lot
     "svg.fonttype": "path",
-    "text.parse_math": False,  # a `$` is a dollar sign
-    "font.family": "DejaVu Sans",  # comes with matplotlib, so that it is there everywhere
     "font.size": 9,
     "text.color": style.INK,
     "axes.labelcolor": style.INK,
@@ -38,44 +51,67 @@ _OPTIONS: Any = {
 
 def draw(figure: Figure) -> dict[str, bytes]:
     """A figure as files: `png` and `svg`."""
-    # matplotlib takes its time to load. Without pyplot, no figure needs closing.
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    with drawing(_words(figure), _OPTIONS) as replaced:
+        # Without pyplot, no figure needs closing.
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-    with mpl.rc_context(_OPTIONS):
-        drawn = _draw_plot(figure) if isinstance(figure, Plot) else _draw_trajectory(figure)
+        if isinstance(figure, Plot):
+            drawn = _draw_plot(figure, replaced)
+        else:
+            drawn = _draw_trajectory(figure)
         png, svg = io.BytesIO(), io.BytesIO()
         FigureCanvasAgg(drawn).print_figure(png, format="png", dpi=_DPI)
         FigureCanvasSVG(drawn).print_figure(svg, format="svg", metadata={"Date": None})
     return {"png": png.getvalue(), "svg": svg.getvalue()}
 
 
-def _draw_plot(plot: Plot) -> matplotlib.figure.Figure:
+def _words(figure: Figure) -> str:
+    """All that a user has named and that is drawn."""
+    if isinstance(figure, Trajectory):
+        return ""
+    titles = (plain_text(title, LONGEST_TITLE) for title in (figure.x_label, figure.y_label))
+    names = (plain_text(figure.lines[i].name, LONGEST_NAME) for i in legend(figure))
+    return "".join([*titles, *names])
+
+
+def _draw_plot(plot: Plot, replaced: Mapping[int, str]) -> matplotlib.figure.Figure:
     from matplotlib.figure import Figure as Canvas
 
-    entries = [line.name for line in plot.lines if line.in_legend]
-    columns = _legend_columns(entries)
+    series = lay_out(plot)
+    entries = [
+        (_legend_entry(plot, one), plain_text(one.line.name, LONGEST_NAME).translate(replaced))
+        for one in series
+        if one.in_legend
+    ]
+    columns = _legend_columns([name for _, name in entries])
     rows = math.ceil(len(entries) / columns)
     canvas = Canvas(figsize=(_WIDTH_IN, 3.9 + 0.2 * rows), layout="constrained", facecolor="white")
     axes: Any = canvas.add_subplot()
-    series = lay_out(plot)
     for one in series:
         if plot.kind == "bars":
             _draw_bars(axes, one)
         else:
             _draw_line(axes, one)
-    _set_axes(axes, plot)
+    _set_axes(axes, plot, replaced)
     if entries:
-        handles = [_legend_entry(plot, one) for one in series if one.line.in_legend]
-        canvas.legend(
-            handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=8.5
+        drawn = canvas.legend(
+            handles=[handle for handle, _ in entries],
+            labels=["x"] * len(entries),
+            loc="outside lower center",
+            ncols=columns,
+            frameon=False,
+            fontsize=8.5,
+            handlelength=2.8,
         )
+        # Afterwards: labels that begin with `_` would be left out.
+        for text, (_, name) in zip(drawn.get_texts(), entries, strict=True):
+            text.set_text(name)
     return canvas
 
 
 def _legend_columns(entries: list[str]) -> int:
-    longest = max(map(len, entries), default=0)
+    longest = max(map(cell_len, entries), default=0)
     return max(1, min(len(entries), 100 // (longest + 8)))
 
 
@@ -84,33 +120,28 @@ def _legend_entry(plot: Plot, series: Series) -> Any:
     from matplotlib.patches import Patch
 
     if plot.kind == "bars":
-        return Patch(label=series.line.name, **_bar_look(series))
-    mark = palette.MARKS[series.mark][0]
+        return Patch(**_bar_look(series))
+    look = series.look
     return Line2D(
-        [],
-        [],
-        color=series.colour,
-        linestyle=_line_style(series.line),
-        marker=mark,
-        ms=4,
-        label=series.line.name,
+        [], [], color=look.colour, linestyle=_line_style(series), marker=look.mark[0], ms=4
     )
 
 
-def _line_style(line: Line) -> Any:
-    if not line.joined:
+def _line_style(series: Series) -> Any:
+    if not series.line.joined:
         return "none"
-    return (0, (4, 2)) if line.dashed else "-"
+    # matplotlib counts in widths of the line, which is of 2 px.
+    return (0, [px / 2 for px in series.look.dash]) if series.look.dash else "-"
 
 
 def _draw_line(axes: Any, series: Series) -> None:
     axes.plot(
         series.x,
         series.y,
-        color=series.colour,
-        linestyle=_line_style(series.line),
+        color=series.look.colour,
+        linestyle=_line_style(series),
         linewidth=1.5,
-        marker=palette.MARKS[series.mark][0],
+        marker=series.look.mark[0],
         markersize=4,
         markevery=max(len(series.x) // 8, 1) if series.band else 1,
         zorder=3,
@@ -119,9 +150,9 @@ def _draw_line(axes: Any, series: Series) -> None:
         low, high = ([values[i] for i in span] for values in (series.low, series.high))
         x = [series.x[i] for i in span]
         if series.band and len(span) > 1:
-            axes.fill_between(x, low, high, color=series.colour, alpha=0.18, linewidth=0)
+            axes.fill_between(x, low, high, color=series.look.colour, alpha=0.18, linewidth=0)
         else:
-            _draw_error_bars(axes, series, span, series.colour)
+            _draw_error_bars(axes, series, span, series.look.colour)
 
 
 def _draw_error_bars(axes: Any, series: Series, span: list[int], colour: str) -> None:
@@ -139,25 +170,22 @@ def _draw_bars(axes: Any, series: Series) -> None:
 
 
 def _bar_look(series: Series) -> dict[str, Any]:
-    # Hatched where lines would be dashed.
-    hatch = {"hatch": "///", "edgecolor": "white"} if series.line.dashed else {}
-    return {"facecolor": series.colour, "linewidth": 0, **hatch}
+    hatch = {"hatch": series.look.hatch[0], "edgecolor": "white"} if series.look.hatch[0] else {}
+    return {"facecolor": series.look.colour, "linewidth": 0, **hatch}
 
 
-def _set_axes(axes: Any, plot: Plot) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+def _set_axes(axes: Any, plot: Plot, replaced: Mapping[int, str]) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-    axes.set_xlabel(plot.x_label)
-    axes.set_ylabel(plot.y_label)
+    axes.set_xlabel(plain_text(plot.x_label, LONGEST_TITLE).translate(replaced))
+    axes.set_ylabel(plain_text(plot.y_label, LONGEST_TITLE).translate(replaced))
     axes.grid(axis="y" if plot.categories else "both")
     axes.spines[["top", "right"]].set_visible(False)
-    if plot.categories:
-        axes.set_xticks(*ticks(plot))
     # Before the scales, which look for data where no limits are set.
     for limits, set_limits in ((x_limits(plot), axes.set_xlim), (y_limits(plot), axes.set_ylim)):
         if limits is not None:
             set_limits(*limits)
-    for axis, logarithmic in (("x", plot.log_x and not plot.categories), ("y", plot.log_y)):
+    for axis, logarithmic in (("x", is_log_x(plot)), ("y", plot.log_y)):
         if not logarithmic:
             continue
         getattr(axes, f"set_{axis}scale")("log", nonpositive="clip")
@@ -168,6 +196,9 @@ def _set_axes(axes: Any, plot: Plot) -> None:
         # matplotlib's own powers of ten are formulas.
         ruler.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
         ruler.set_minor_formatter(NullFormatter())
+    if plot.at_places:  # after the scale, which has ticks of its own
+        axes.set_xticks(*ticks(plot))
+        axes.xaxis.set_minor_locator(NullLocator())
 
 
 def _draw_trajectory(trajectory: Trajectory) -> matplotlib.figure.Figure:

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from iout_marl.bounds import rounded_down
-from iout_marl.episode import Episode
 from iout_marl.evaluation import Estimate
 from iout_marl.report.content import Line, Plot, Table, Trajectory
-from iout_marl.report.measures import METRIC_DIGITS, place_text
+from iout_marl.report.intake import curves, walk_of
+from iout_marl.report.measures import METRIC_DIGITS, bound_text, counted, fixed, place_text
 from iout_marl.report.measures import metric as metric_text
 from iout_marl.study.results import Measured, Record, Results
 
@@ -34,6 +31,9 @@ CURVE_HEADINGS = {
     "energy/harvested_kj": "Energy harvested in kJ",
 }
 
+#: Places further apart than by this factor have a logarithmic axis.
+MOST_LINEAR = 100
+
 #: What every figure of a training shows.
 LEARNING = (
     "Episodes that ended in each rollout, actions sampled from the policy as it learns; mean "
@@ -43,32 +43,37 @@ LEARNING = (
 
 def protocol(results: Results, series: Sequence[str], *, intervals: bool = True) -> str:
     """Seeds, episodes and what the intervals are of, if any, for the caption of a figure."""
-    groups: dict[tuple[bool, int, int], list[str]] = {}
+    groups: dict[str, list[str]] = {}
     bounds = list(filter(results.is_bound, series))
     for name in series:
-        if name in bounds:
-            continue
-        records = results.records(name)
-        seeds = max(len(results.records(name, place)) for place in results.places(name))
-        groups.setdefault((records[0].training is not None, seeds, records[0].episodes), []).append(
-            name
-        )
-    sentences = []
-    for (trained, seeds, episodes), names in groups.items():
-        who = _listed(names) if len(groups) > 1 else "Every series"
-        runs = f"{seeds} {'training' if trained else 'run'}{'s' if seeds > 1 else ''}"
-        times = f"{episodes} episode{'s' if episodes > 1 else ''}"
-        what = f"{runs}, {times} each" if seeds > 1 else f"{runs}, {times}"
-        if seeds > 1:
-            interval = "95 % interval of the mean over seeds"
-        elif episodes > 1:
-            interval = "95 % interval of the mean over episodes"
-        else:
-            interval = "a single episode, without an interval"
-        sentences.append(f"{who}: {what}" + (f"; {interval}." if intervals else "."))
+        if name not in bounds:
+            groups.setdefault(_runs(results, name, intervals=intervals), []).append(name)
+    sentences = [
+        f"{_listed(names) if len(groups) > 1 else 'Every series'}: {runs}."
+        for runs, names in groups.items()
+    ]
     if bounds:
         sentences.append(f"{_listed(bounds)}: certified, no policy's mean AoI is lower.")
     return " ".join(sentences)
+
+
+def _runs(results: Results, series: str, *, intervals: bool) -> str:
+    """How many runs a series has, of how many episodes, and what its intervals are of."""
+    records = results.records(series)
+    seeds = max(len(results.records(series, place)) for place in results.places(series))
+    episodes = records[0].episodes
+    text = counted(seeds, "training" if records[0].training else "run")
+    text += f", {counted(episodes, 'episode')}" + (" each" if seeds > 1 else "")
+    if not intervals:
+        return text
+    if seeds > 1:
+        return f"{text}; 95 % interval of the mean over seeds"
+    if episodes > 1:
+        alike = all(len(set(values)) == 1 for r in records for values in r.samples.values())
+        return f"{text}; " + (
+            "all alike, without an interval" if alike else "95 % interval of the mean over episodes"
+        )
+    return f"{text}; a single episode, without an interval"
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -83,7 +88,7 @@ def metric_figure(
     series: Sequence[str],
     remark: str = "",
 ) -> Plot:
-    """Bars of a metric, by series, over the axis."""
+    """A metric, by series, over the axis."""
     shown = [
         name
         for name in series
@@ -101,6 +106,7 @@ def metric_figure(
                 tuple(e.mean for e in estimates),
                 tuple(e.low for e in estimates),
                 tuple(e.high for e in estimates),
+                dashed=results.is_bound(name),
                 colour=colour,
             )
         )
@@ -112,9 +118,21 @@ def metric_figure(
         x_label=results.axis.label,
         y_label=HEADINGS[metric],
         lines=tuple(lines),
-        kind="bars",
-        categories=True,
+        **over_axis(results, lines),
     )
+
+
+def over_axis(results: Results, lines: Sequence[Line]) -> dict[str, Any]:
+    """How a figure over the study's axis is drawn, as arguments of `Plot`.
+
+    In the paper numbers of nodes are categories, each with a group of bars, and so is a single
+    place. Elsewhere an axis is one of numbers, by powers of ten where they span more than two.
+    """
+    places = sorted({x for line in lines for x in line.x})
+    if results.report == "paper" or len(places) < 2:
+        return {"kind": "bars", "categories": True}
+    sizes = [abs(place) for place in places if place != 0]
+    return {"places": True, "log_x": max(sizes) / min(sizes) > MOST_LINEAR}
 
 
 def learning_figure(
@@ -125,7 +143,7 @@ def learning_figure(
     for name in series:
         for place in results.places(name):
             records = [r for r in results.records(name, place) if r.training]
-            if records:
+            if curves(records, curve)[0]:
                 label = _place_label(results, name, place, series)
                 lines.append(_learning_line(label, records, curve, colour=len(lines)))
     return Plot(
@@ -145,14 +163,6 @@ def _place_label(results: Results, name: str, place: float, series: Sequence[str
     return where if len(series) == 1 else f"{name}, {where}"
 
 
-def curves(records: Sequence[Record], curve: str) -> tuple[list[float], npt.NDArray[np.float64]]:
-    """Environment steps, and the curve of every training among the records, (seeds, steps)."""
-    found = [r.training.curve for r in records if r.training]
-    shortest = min((len(c["env_steps"]) for c in found), default=0)
-    steps = found[0]["env_steps"][:shortest] if found else []
-    return steps, np.array([c[curve][:shortest] for c in found])
-
-
 def _learning_line(label: str, records: Sequence[Record], curve: str, colour: int) -> Line:
     steps, values = curves(records, curve)
     several = len(values) > 1
@@ -168,30 +178,29 @@ def _learning_line(label: str, records: Sequence[Record], curve: str, colour: in
 
 def trajectory_figure(results: Results, key: str, series: str, place: float) -> Trajectory | None:
     """The path of the first AUV of the first seed; None where nothing was trained."""
-    records = [r for r in results.records(series, place) if r.episode]
-    if not records or records[0].episode is None:
+    walks = ((r, walk_of(r)) for r in results.records(series, place) if r.episode)
+    record, walk = next(walks, (None, None))
+    if record is None or walk is None:
         return None
-    record = records[0]
-    episode = Episode(**records[0].episode)
-    deliveries = sum(slot[0] for slot in episode.delivered)
+    deliveries = sum(slot[0] for slot in walk.delivered)
     return Trajectory(
         key=key,
-        title=f"Path of {series} with {record.nodes} nodes",
+        title=f"Path of {series} with {counted(record.nodes, 'node')}",
         caption=(
             f"One episode of the deterministic policy of seed {record.seed} on "
             f"{record.scenario} ({record.scenario_hash}): {deliveries} of "
-            f"{len(episode.delivered)} slots deliver a packet; mean AoI "
-            f"{record.mean('mean_aoi'):.2f}."
+            f"{counted(len(walk.delivered), 'slot')} deliver a packet; mean AoI "
+            f"{fixed(record.mean('mean_aoi'), 2)}."
         ),
         command=results.command,
-        grid=(episode.grid[0], episode.grid[1], episode.grid[2]),
-        spacing_m=episode.spacing_m,
-        nodes=tuple((n[0], n[1], n[2]) for n in episode.nodes),
-        path=tuple((p[0][0], p[0][1], p[0][2]) for p in episode.path),
-        charged=tuple(slot[0] for slot in episode.charged),
-        heard=tuple(slot[0] for slot in episode.heard),
-        delivered=tuple(slot[0] for slot in episode.delivered),
-        ages=tuple(tuple(slot) for slot in episode.ages),
+        grid=walk.grid,
+        spacing_m=walk.spacing_m,
+        nodes=walk.nodes,
+        path=tuple(slot[0] for slot in walk.path),
+        charged=tuple(slot[0] for slot in walk.charged),
+        heard=tuple(slot[0] for slot in walk.heard),
+        delivered=tuple(slot[0] for slot in walk.delivered),
+        ages=walk.ages,
     )
 
 
@@ -229,7 +238,7 @@ def metrics_table(
 def _metric_text(results: Results, series: str, place: float, metric: str) -> str:
     measured = results.measured(series, place, metric)
     if measured is not None and results.is_bound(series):
-        return rounded_down(measured.mean, METRIC_DIGITS[metric])
+        return bound_text(measured.mean, METRIC_DIGITS[metric])
     return metric_text(measured, metric)
 
 

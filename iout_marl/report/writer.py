@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from iout_marl.errors import InputError
-from iout_marl.files import write_atomically
+from iout_marl.files import write_together
 from iout_marl.report.content import Report, to_csv
 from iout_marl.report.page import render_page
 from iout_marl.report.static import draw
@@ -14,7 +14,8 @@ from iout_marl.report.static import draw
 def write_report(report: Report, folder: Path) -> None:
     """Write `report.html` and `figures/KEY.{png,svg,csv}`.
 
-    Each file is replaced as a whole; the page, which links to the others, is the last.
+    All or none: where one cannot be written, an earlier report stays as it is. The page, which
+    links to the others, takes its place last.
 
     Raises:
         InputError: the folder cannot be made or a file cannot be written.
@@ -27,8 +28,9 @@ def write_report(report: Report, folder: Path) -> None:
         figures.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{figures}: cannot be made: {error.strerror}") from None
+    files = {}
     for figure in report.figures():
         for ending, data in pictures[figure.key].items():
-            write_atomically(figures / f"{figure.key}.{ending}", data)
-        write_atomically(figures / f"{figure.key}.csv", to_csv(figure.rows()).encode())
-    write_atomically(folder / "report.html", page.encode())
+            files[figures / f"{figure.key}.{ending}"] = data
+        files[figures / f"{figure.key}.csv"] = to_csv(figure.rows()).encode()
+    write_together({**files, folder / "report.html": page.encode()})

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import itertools
 import json
 import math
 import re
@@ -229,10 +230,50 @@ def test_colours_are_seen_on_light_and_on_dark(colour):
     assert (luminance(colour) + 0.05) / (luminance("#12171d") + 0.05) >= 3
 
 
-def test_many_lines_are_told_apart():
-    lines = tuple(Line(str(i), (1,), (1.0,)) for i in range(40))
-    looks = {(one.colour, one.mark) for one in lay_out(replace(NODES, lines=lines))}
-    assert len(looks) == 40
+#: Severities of 1 of Machado, Oliveira and Fernandes (2009), on linear RGB.
+VISIONS = {
+    "usual": np.eye(3),
+    "protanopia": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "deuteranopia": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "tritanopia": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+}
+
+
+def seen(colour, vision):
+    """A colour in CIELAB as an eye sees it."""
+    parts = np.array([int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    linear = np.clip(np.array(VISIONS[vision]) @ linear, 0, 1)
+    to_xyz = np.array(
+        [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    )
+    x, y, z = np.cbrt(to_xyz @ linear / (0.9505, 1, 1.089))
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+def test_many_series_are_told_apart_whatever_the_eyes_colour_vision(vision):
+    lines = tuple(Line(str(i), (1, 2), (1.0, 2.0)) for i in range(40))
+    looks = [one.look for one in lay_out(replace(NODES, lines=lines))]
+    for first, second in itertools.combinations(looks, 2):
+        distance = np.linalg.norm(seen(first.colour, vision) - seen(second.colour, vision))
+        assert distance > 10 or (first.mark, first.dash) != (second.mark, second.dash)
+    for first, second in itertools.combinations(looks[:24], 2):  # bars have neither of these
+        distance = np.linalg.norm(seen(first.colour, vision) - seen(second.colour, vision))
+        assert distance > 10 or first.hatch != second.hatch
+
+
+@pytest.mark.parametrize("kind", ["lines", "bars"])
+def test_picture_and_page_have_the_same_looks(kind):
+    lines = tuple(Line(str(i), (1, 2), (1.0, 2.0)) for i in range(24))
+    plot = replace(NODES, lines=lines, kind=kind, y_range=None)
+    drawn = traces(plot)
+    if kind == "bars":
+        looks = {(t["marker"]["color"], str(t["marker"].get("pattern"))) for t in drawn}
+    else:
+        looks = {(t["line"]["color"], t["line"]["dash"], t["marker"]["symbol"]) for t in drawn}
+    assert len(looks) == 24
+    assert [t["marker"]["color"] for t in drawn] == [one.look.colour for one in lay_out(plot)]
 
 
 # ---- files

@@ -101,7 +101,7 @@ def test_each_series_of_bounds_has_gaps_of_its_own_and_runs_without_one_are_left
     assert low.above_bound.median == pytest.approx(100 * (2.6 / 1.5 - 1))
     assert (low.runs, low.mean_aoi.mean) == (3, pytest.approx(8 / 3))
     tables = items(gap_section(made), Table)
-    assert ["Left out are 1 runs" in table.caption for table in tables] == [True, True]
+    assert ["Left out: 1 run in worlds" in table.caption for table in tables] == [True, True]
     assert [row[3] for row in tables[1].rows] == ["1.500", "1.500"]
 
 

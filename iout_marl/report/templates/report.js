@@ -14,6 +14,7 @@
     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"],
     topojsonURL: "",
     plotlyServerURL: "",
+    typesetMath: false, // a dollar sign is one
   };
 
   /** What a plot takes from the page's theme, as keys of Plotly.relayout. */
