@@ -16,7 +16,7 @@ import typer
 
 from iout_marl import machine
 from iout_marl.errors import InputError
-from iout_marl.files import user_path, write_atomically, write_text
+from iout_marl.files import write_atomically, write_text
 
 #: More than that only slow one another, and fill the memory.
 PROCESSES_PER_CORE = 8
@@ -79,7 +79,7 @@ def reproduce(
     cells = expand(loaded, layer, overrides or [], quick=quick)
     name = Path(study).stem
     usual = Path("runs") / (f"{name}-quick" if quick else name)
-    folder = StudyFolder(usual if out is None else user_path(out, "--out"))
+    folder = StudyFolder(out or usual)
     words = ["iout", "reproduce", *(["--study", study] if study != "paper" else [])]
     words += ["--quick"] if quick else []
     words += [word for setting in overrides or [] for word in ("--set", setting)]
@@ -105,7 +105,7 @@ def reproduce(
                     command=show(shlex.join(words)),
                     quick=quick,
                 )
-            lines = _written(folder.path)
+            lines = _written(folder.path, kept=True)
     except _Stopped as stopped:
         _show(f"\nstopped; what is finished stays. {go_on}", err=True)
         raise typer.Exit(128 + stopped.number) from None
@@ -128,12 +128,12 @@ def report(
     ] = None,
 ) -> None:
     """Write the report of a study's results once more: page, Markdown and figures."""
-    folder = user_path(folder, "DIR")
     if not folder.is_dir():
-        raise InputError(f"{folder}: {'is no folder' if folder.exists() else 'no such folder'}")
+        what = "is a file, not a folder" if folder.exists() else "no such folder"
+        raise InputError(f"{folder}: {what}")
     if not (folder / "results.json").exists():
         raise InputError(f"{folder}: holds no results.json{_why_no_results(folder)}")
-    _show(*_written(folder, None if markdown is None else user_path(markdown, "--markdown")))
+    _show(*_written(folder, markdown))
 
 
 def _why_no_results(folder: Path) -> str:
@@ -145,8 +145,14 @@ def _why_no_results(folder: Path) -> str:
     return "; iout reproduce --out DIR makes one"
 
 
-def _written(folder: Path, markdown: Path | None = None) -> list[str]:
-    """Write the report of a folder's results; what to show of it."""
+def _written(folder: Path, markdown: Path | None = None, *, kept: bool = False) -> list[str]:
+    """Write the report of a folder's results; what to show of it.
+
+    Args:
+        folder: of the results.
+        markdown: where the Markdown goes.
+        kept: say where the results are, should it fail: they have just been computed.
+    """
     from iout_marl.report.build import build_report
     from iout_marl.report.markdown import render_markdown
     from iout_marl.report.writer import write_report
@@ -154,15 +160,21 @@ def _written(folder: Path, markdown: Path | None = None) -> list[str]:
 
     text = markdown or folder / "report.md"
     if text.is_dir():
-        raise InputError(f"{text}: is a folder, not a file to write Markdown to")
-    built = build_report(read_results(folder / "results.json"))
-    write_report(built, folder)
-    figures = Path(os.path.relpath(folder / "figures", text.parent)).as_posix()
-    rendered = render_markdown(built, figures)
-    if text.exists() and not text.is_file():  # a pipe, a device
-        write_text(text, rendered.rstrip("\n"))
-    else:
-        write_atomically(text, rendered.encode())
+        raise InputError(f"{text}: cannot be written: is a folder, not a file")
+    results = read_results(folder / "results.json")
+    try:
+        built = build_report(results)
+        write_report(built, folder)
+        figures = Path(os.path.relpath(folder / "figures", text.parent)).as_posix()
+        rendered = render_markdown(built, figures)
+        if text.exists() and not text.is_file():  # a pipe, a device
+            write_text(text, rendered.rstrip("\n"))
+        else:
+            write_atomically(text, rendered.encode())
+    except InputError as error:
+        once_more = shlex.join(["iout", "report", str(folder)])
+        told = f"; the results are kept, write their report with: {once_more}" if kept else ""
+        raise InputError(f"{error}{told}") from None
     return [*built.lead, f"The report is {folder / 'report.html'}"]
 
 
