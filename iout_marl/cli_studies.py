@@ -103,7 +103,7 @@ def reproduce(
                     command=show(shlex.join(words)),
                     quick=quick,
                 )
-            lines = _written(folder.path)
+            lines = _written(folder.path, kept=True)
     except _Stopped as stopped:
         complain(f"\nstopped; what is finished stays. {go_on}")
         raise typer.Exit(128 + stopped.number) from None
@@ -129,7 +129,8 @@ def report(
 ) -> None:
     """Write the report of a study's results once more: page, Markdown and figures."""
     if not folder.is_dir():
-        raise InputError(f"{folder}: {'is no folder' if folder.exists() else 'no such folder'}")
+        what = "is a file, not a folder" if folder.exists() else "no such folder"
+        raise InputError(f"{folder}: {what}")
     if not (folder / "results.json").exists():
         raise InputError(f"{folder}: holds no results.json{_why_no_results(folder)}")
     present("\n".join(_written(folder, markdown)))
@@ -144,8 +145,14 @@ def _why_no_results(folder: Path) -> str:
     return "; iout reproduce --out DIR makes one"
 
 
-def _written(folder: Path, markdown: Path | None = None) -> list[str]:
-    """Write the report of a folder's results; what to show of it."""
+def _written(folder: Path, markdown: Path | None = None, *, kept: bool = False) -> list[str]:
+    """Write the report of a folder's results; what to show of it.
+
+    Args:
+        folder: of the results.
+        markdown: where the Markdown goes.
+        kept: say where the results are, should it fail: they have just been computed.
+    """
     from iout_marl.report.build import build_report
     from iout_marl.report.markdown import render_markdown
     from iout_marl.report.markup import plain_text
@@ -154,15 +161,21 @@ def _written(folder: Path, markdown: Path | None = None) -> list[str]:
 
     text = markdown or folder / "report.md"
     if text.is_dir():
-        raise InputError(f"{text}: is a folder, not a file to write Markdown to")
-    built = build_report(read_results(folder / "results.json"))
-    write_report(built, folder)
-    figures = Path(os.path.relpath(folder / "figures", text.parent)).as_posix()
-    rendered = render_markdown(built, figures)
-    if text.exists() and not text.is_file():  # a pipe, a device
-        write_text(text, rendered.rstrip("\n"))
-    else:
-        write_atomically(text, rendered.encode())
+        raise InputError(f"{text}: cannot be written: is a folder, not a file")
+    results = read_results(folder / "results.json")
+    try:
+        built = build_report(results)
+        write_report(built, folder)
+        figures = Path(os.path.relpath(folder / "figures", text.parent)).as_posix()
+        rendered = render_markdown(built, figures)
+        if text.exists() and not text.is_file():  # a pipe, a device
+            write_text(text, rendered.rstrip("\n"))
+        else:
+            write_atomically(text, rendered.encode())
+    except InputError as error:
+        once_more = shlex.join(["iout", "report", str(folder)])
+        told = f"; the results are kept, write their report with: {once_more}" if kept else ""
+        raise InputError(f"{error}{told}") from None
     return [*map(plain_text, built.lead), f"The report is {folder / 'report.html'}"]
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from iout_marl.report.markup import as_data
-from iout_marl.study.results import CellResult, Failure, Record, Results, metrics_of
+from iout_marl.study.records import metrics_of
+from iout_marl.study.results import CellResult, Failure, Record, Results
 
 
 class _Texts:

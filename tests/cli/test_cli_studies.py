@@ -1,10 +1,18 @@
 """`iout reproduce` and `iout report`, as typed."""
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
 
 import pytest
 from tiny_study import STUDY, write_study
+
+from iout_marl import InputError
 
 
 @pytest.fixture(autouse=True)
@@ -91,8 +99,9 @@ def test_a_failed_cell_is_named_and_the_status_is_1(iout, tmp_path):
     path = write_study(tmp_path / "study.yaml", groups=groups)
     status, out, err = iout("reproduce", "--study", path, "--out", tmp_path / "out", "--jobs", "1")
     assert status == 1
-    assert "failed: ppo, wild, nodes.count 2, seed 0" in err
-    assert "training diverged" in err
+    assert "failed: ppo, wild, nodes.count 2, seed 0: training diverged" in err
+    assert tempfile.gettempdir() not in err.replace(str(tmp_path), "")
+    assert "checkpoint" not in err
     assert "1 of 3 cells failed" in err
     assert "report.html" in out
     assert "training diverged" in (tmp_path / "out" / "report.md").read_text()
@@ -143,6 +152,113 @@ def test_folder_without_results_is_refused(refused, tmp_path):
     assert "holds no results.json; iout reproduce --out DIR makes one" in refused(
         "report", tmp_path
     )
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("report", "nowhere"), "nowhere: no such folder"),
+        (("report", "a file"), "a file: is a file, not a folder"),
+        (("report", "empty"), "empty: holds no results.json; iout reproduce --out DIR makes one"),
+        (("report", "begun"), "begun: holds no results.json: its study is not finished; iout rep"),
+        (("report", "above"), "above: holds no results.json; did you mean above/out?"),
+        (
+            ("report", "out", "--markdown", "empty"),
+            "empty: cannot be written: is a folder, not a file",
+        ),
+        (("report", "out", "--markdown", "no/a.md"), "no/a.md: cannot be written: "),
+        (("report", "damaged"), "damaged/results.json: cannot be read: damaged, it is no JSON"),
+        (("report", "deep"), "deep/results.json: cannot be read: damaged, it is no JSON (nested"),
+        (("report", "folder"), "folder/results.json: cannot be read: Is a directory"),
+        (("report", "closed"), "closed/figures: cannot be made: "),
+        (("reproduce", "--jobs", "900"), "--jobs 900: must be at most "),
+        (("reproduce", "--scheduler", ""), "--scheduler : must be an address such as tcp://"),
+        (("reproduce", "--study", ""), "no study ''"),
+        (("reproduce", "--study", "out"), "no study 'out'"),
+        (("reproduce", "--study", "papr"), "no study 'papr'; did you mean 'paper'?"),
+    ],
+)
+def test_what_cannot_be_meant_is_told_in_one_line(refused, folder, tmp_path, words, message):
+    (tmp_path / "a file").write_text("")
+    for name in ("empty", "begun", "damaged", "deep", "folder", "closed", "above"):
+        (tmp_path / name).mkdir()
+    shutil.copytree(folder, tmp_path / "above" / "out")
+    shutil.copy(folder / "study.json", tmp_path / "begun")
+    (tmp_path / "damaged" / "results.json").write_text("{")
+    (tmp_path / "deep" / "results.json").write_text("[" * 100_000)
+    (tmp_path / "folder" / "results.json").mkdir()
+    shutil.copy(folder / "results.json", tmp_path / "closed")
+    (tmp_path / "closed" / "figures").write_text("in the way")
+    before = {path for path in tmp_path.rglob("*") if path.parent.name != "figures"}
+    assert message in refused(*words)
+    after = {path for path in tmp_path.rglob("*") if path.parent.name != "figures"}
+    assert after - {tmp_path / "out" / "report.html"} <= before
+
+
+def test_a_report_that_cannot_be_written_costs_no_result(iout, finished, folder):
+    shutil.rmtree(folder / "figures")
+    (folder / "figures").write_text("in the way")
+    (folder / "results.json").unlink()
+    words = ("--study", finished / "tiny.yaml", "--out", folder, "--jobs", "1")
+    status, _, err = iout("reproduce", *words)
+    assert status == 2
+    assert "figures: cannot be made: File exists; the results are kept, write their report" in err
+    assert f"with: iout report {folder}" in err
+    assert len(json.loads((folder / "results.json").read_text())["cells"]) == 6
+
+
+def test_streams_that_nobody_reads_cost_no_result(tmp_path):
+    study = write_study(tmp_path / "s.yaml", groups={"baseline": STUDY["groups"]["baseline"]})
+    read, write = os.pipe()
+    os.close(read)
+    words = ["reproduce", "--study", str(study), "--out", "out", "--jobs", "1"]
+    command = [sys.executable, "-m", "iout_marl", *words]
+    subprocess.run(command, stdout=write, stderr=write, check=False)
+    os.close(write)
+    assert len(json.loads(Path("out/results.json").read_text())["cells"]) == 2
+    assert Path("out/report.html").exists()
+
+
+def test_streams_that_are_closed_cost_no_result(iout, finished, folder, monkeypatch):
+    (folder / "results.json").unlink()
+    monkeypatch.setattr(sys, "stdout", None)
+    monkeypatch.setattr(sys, "stderr", None)
+    iout("reproduce", "--study", finished / "tiny.yaml", "--out", folder, "--jobs", "1")
+    assert len(json.loads((folder / "results.json").read_text())["cells"]) == 6
+
+
+@pytest.mark.parametrize("name", ["SIGHUP", "SIGINT", "SIGTERM"])
+def test_a_signal_that_comes_as_the_report_is_written_loses_nothing(
+    iout, finished, folder, monkeypatch, name
+):
+    def interrupted(results):
+        signal.raise_signal(getattr(signal, name))
+
+    monkeypatch.setattr("iout_marl.report.build.build_report", interrupted)
+    before = [signal.getsignal(getattr(signal, name))]
+    words = ("--study", finished / "tiny.yaml", "--out", folder, "--jobs", "1")
+    (folder / "results.json").unlink()
+    status, _, err = iout("reproduce", *words)
+    assert status == 128 + getattr(signal, name)
+    assert f"stopped; what is finished stays. Go on with: iout reproduce --study {finished}" in err
+    assert (folder / "results.json").exists()
+    assert [signal.getsignal(getattr(signal, name))] == before
+
+
+def test_a_hangup_that_is_ignored_stays_so(iout, finished, folder, monkeypatch):
+    def hung_up(results):
+        signal.raise_signal(signal.SIGHUP)
+        raise InputError("reached")
+
+    monkeypatch.setattr("iout_marl.report.build.build_report", hung_up)
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        words = ("--study", finished / "tiny.yaml", "--out", folder, "--jobs", "1")
+        status, _, err = iout("reproduce", *words)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert status == 2
+    assert "reached" in err
 
 
 def test_setting_that_fits_no_scenario_is_refused(refused, finished):
