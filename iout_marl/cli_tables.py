@@ -38,8 +38,10 @@ def show_columns(results: Sequence[Evaluation], layouts: str = EACH_ITS_OWN) -> 
     """
     several_layouts = len({result.scenario_hash for result in results}) > 1
     has_interval = any(result.episodes > 1 for result in results)
-    what = f"{_scenario(results, layouts)}: {_episodes(results)}; seed {results[0].seed}"
-    present(what + ("\nmean ± half of the 95 % confidence interval" if has_interval else ""))
+    present(
+        f"{_scenario(results, layouts)}{_episodes(results)}"
+        + ("\nmean ± half of the 95 % confidence interval" if has_interval else "")
+    )
     rows = [[_cell(result, *row) for result in results] for row in ROWS]
     if several_layouts:
         rows.insert(0, [result.scenario_hash for result in results])
@@ -62,7 +64,7 @@ def show_spread(results: Sequence[Evaluation]) -> None:
     policies = counted(len(results), "policy", "policies")
     present(
         f"{_scenario(results, EACH_ITS_OWN)}: {policies}, "
-        f"{_played(results[0])} each; seed {results[0].seed}"
+        f"{_played(results[0])} each, seed {results[0].seed}"
         + ("\nmeans over their episodes" if has_several else "")
     )
     table = Table()
@@ -82,13 +84,15 @@ def _scenario(results: Sequence[Evaluation], layouts: str) -> str:
 
 
 def _episodes(results: Sequence[Evaluation]) -> str:
-    """How many episodes of whom, in the order of the columns."""
+    """How many episodes, of whom if not of all as many, and their seed."""
+    seed = f"seed {results[0].seed}"
     groups: dict[str, list[str]] = {}
     for result in results:
         groups.setdefault(_played(result), []).append(printable(result.label))
     if len(groups) == 1:
-        return next(iter(groups))
-    return "; ".join(f"{played} of {listed(labels)}" for played, labels in groups.items())
+        return f": {next(iter(groups))}, {seed}"
+    whose = "; ".join(f"{played} of {listed(labels)}" for played, labels in groups.items())
+    return f", {seed}\n{whose}"
 
 
 def _played(result: Evaluation) -> str:

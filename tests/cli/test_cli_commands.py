@@ -165,8 +165,9 @@ def test_progress_goes_to_standard_error(iout, tiny_settings):
 def test_evaluate_prints_a_table_of_all_baselines(iout):
     status, out, err = iout("evaluate", "paper/k3-fdd", "--episodes", 3)
     assert (status, err) == (0, "")
-    assert "3 episodes of random-walk, round-robin and greedy; 1 episode (deterministic) of" in out
-    assert " of tour; seed 0\nmean ± half of the 95 % confidence interval" in out
+    assert out.startswith("paper/k3-fdd (2a966538b64d), seed 0\n")
+    assert "\n3 episodes of random-walk, round-robin and greedy; 1 episode (deterministic)" in out
+    assert " of tour\nmean ± half of the 95 % confidence interval" in out
     assert re.search(r"random-walk .*round-robin .*greedy", out)
     assert re.search(r"mean AoI +(│ +\d+\.\d\d ± \d+\.\d\d ){3}│ +\d+\.\d\d │", out)
 
@@ -175,7 +176,7 @@ def test_evaluate_of_one_episode_shows_no_interval(iout):
     status, out, _ = iout("evaluate", "paper/k3-fdd", "--episodes", 1, "--policy", "greedy")
     assert status == 0
     assert "nan" not in out
-    assert ": 1 episode; seed 0\n" in out
+    assert ": 1 episode, seed 0\n" in out
     assert "±" not in out
 
 
@@ -183,7 +184,7 @@ def test_evaluate_without_chance_plays_one_episode_and_says_so(iout):
     words = ["evaluate", "paper/k3-fdd", "--episodes", 7, "--policy", "tour"]
     status, out, err = iout(*words)
     assert (status, err) == (0, "")
-    assert ": 1 episode (deterministic); seed 0\n" in out
+    assert ": 1 episode (deterministic), seed 0\n" in out
     assert "±" not in out
     record = json.loads(iout(*words, "--json", "-")[1])
     assert (record["episodes"], record["deterministic"]) == (1, True)

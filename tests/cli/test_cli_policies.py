@@ -77,10 +77,12 @@ class TestLayouts:
         words = [*policies("greedy", *runs), "--episodes", 3]
         status, out, _ = iout("evaluate", *by_run, *words)
         assert status == 0
-        heading, what, *_ = out.splitlines()
+        heading, whose, what, *_ = out.splitlines()
         assert heading == (
-            "best/k3-fdd, each run in its own layout, greedy in that of q[/lr]: 3 episodes of "
-            "greedy; 1 episode (deterministic) of q[/lr], [bold]b and a b; seed 0"
+            "best/k3-fdd, each run in its own layout, greedy in that of q[/lr], seed 0"
+        )
+        assert whose == (
+            "3 episodes of greedy; 1 episode (deterministic) of q[/lr], [bold]b and a b"
         )
         assert what == "mean ± half of the 95 % confidence interval"
         layouts = next(line for line in out.splitlines() if "layout  " in line)
@@ -91,7 +93,7 @@ class TestLayouts:
         status, out, _ = iout(*words)
         assert status == 0
         assert out.startswith(
-            "best/k3-fdd, each in a layout of its own: 1 episode (deterministic); seed 0\n"
+            "best/k3-fdd, each in a layout of its own: 1 episode (deterministic), seed 0\n"
         )
         assert "│ layout " in out
         assert "±" not in out
@@ -100,7 +102,7 @@ class TestLayouts:
         words = ["train", *by_run, "--replicas", 5, "--out", "five", "--steps", 80]
         _, out, _ = iout(*words)
         assert out.startswith(
-            "best/k3-fdd, each in a layout of its own: 5 policies, 1 episode (deterministic) each;"
+            "best/k3-fdd, each in a layout of its own: 5 policies, 1 episode (deterministic) each,"
         )
 
 
@@ -133,7 +135,7 @@ class TestSampled:
         _, out, _ = iout("evaluate", *by_run, *words, "--sampled")
         assert "q[/lr] (sampled)" in out
         assert "greedy (sampled)" not in out
-        assert ": 2 episodes; seed 0" in out
+        assert ": 2 episodes, seed 0" in out
 
     def test_needs_a_trained_policy(self, refused):
         line = refused("evaluate", "paper/k3-fdd", "--policy", "greedy", "--sampled")
