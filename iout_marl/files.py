@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -15,6 +16,49 @@ from iout_marl.errors import InputError
 
 #: The file by which a process keeps others out of a folder; it stays when the process ends.
 LOCK_NAME = ".lock"
+
+
+def reason(error: OSError) -> str:
+    """Why a file could not be read or written, in the system's words or the library's own."""
+    return error.strerror or (str(error).strip() or type(error).__name__).splitlines()[0]
+
+
+def user_path(given: object, what: str) -> Path:
+    """A path that a user gave, with `~` for the home folder.
+
+    Args:
+        given: text or a path; whatever else it is, is refused.
+        what: the option or argument, for the message.
+
+    Raises:
+        InputError: it is empty, or no path.
+    """
+    if not isinstance(given, str | os.PathLike):
+        raise InputError(f"{what}: must be a path, not {type(given).__name__}")
+    text = os.fspath(given)
+    if not isinstance(text, str) or "\0" in text or not text.strip():
+        raise InputError(f"{what}: must be a path, not {text!r}")
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:  # a user of that name is not known
+        return Path(text)
+
+
+def read_if_there(path: Path) -> bytes | None:
+    """What a file holds; None where there is no such file. Never waits, as a pipe would let it.
+
+    Raises:
+        InputError: it cannot be read, or is a folder, a pipe or a device.
+    """
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise InputError(f"{path}: cannot be read: it is no regular file")
+        return path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except (OSError, MemoryError) as error:
+        why = reason(error) if isinstance(error, OSError) else "not enough memory"
+        raise InputError(f"{path}: cannot be read: {why}") from None
 
 
 def write_atomically(path: Path, data: bytes) -> None:
