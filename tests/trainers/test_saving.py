@@ -241,7 +241,7 @@ class TestWeights:
 
     def test_too_many(self, lone):
         message = self.change(lone, lambda w: w.update(x=torch.zeros(1)))
-        assert "has 'x', which means nothing here" in message
+        assert "has 'x', unknown here" in message
 
 
 def test_policy_may_be_moved_out_of_its_group(group, tmp_path):
