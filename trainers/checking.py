@@ -30,21 +30,21 @@ def check_like(path: Path, value: Any, like: Any, where: str = "") -> None:
     Raises:
         InputError: it names the file and the place in it.
     """
-    name = where or "what is in it"
+    name = repr(where) if where else "what is in it"
     if isinstance(like, dict):
         if not isinstance(value, dict):
             _refuse(path, f"{name} is no mapping")
         if lacking := [key for key in like if key not in value]:
-            _refuse(path, f"lacks {_below(where, lacking[0])}")
+            _refuse(path, f"lacks {_below(where, lacking[0])!r}")
         if unknown := [key for key in value if key not in like]:
-            _refuse(path, f"has {_below(where, str(unknown[0])[:40])}, which means nothing here")
+            _refuse(path, f"has {_below(where, str(unknown[0])[:40])!r}, unknown here")
         for key, each in like.items():
             check_like(path, value[key], each, _below(where, key))
     elif isinstance(like, list):
         if not isinstance(value, list) or len(value) != len(like):
             _refuse(path, f"{name} is no list of {len(like)}")
         for i, each in enumerate(like):
-            check_like(path, value[i], each, f"{name}[{i}]")
+            check_like(path, value[i], each, f"{where}[{i}]")
     elif isinstance(like, Tensor):
         _check_tensor(path, value, like, name)
     elif type(value) is not type(like):
@@ -68,7 +68,7 @@ def _check_tensor(path: Path, value: Any, like: Tensor, name: str) -> None:
 
 
 def _below(where: str, key: str) -> str:
-    return f"{where}.{key}" if where else repr(key)
+    return f"{where}.{key}" if where else key
 
 
 def _refuse(path: Path, fault: str) -> NoReturn:
@@ -112,11 +112,11 @@ def check_state(path: Path, saved: dict[str, Any], trainer: Trainer, policy: int
     check_like(path, saved, like)
     for name, is_right in _ranges(saved, like, trainer, policy):
         if not is_right:
-            _refuse(path, f"{name} is out of its range")
+            _refuse(path, f"{name!r} is out of its range")
     try:
         torch.Generator(trainer.device).set_state(saved["simulation"]["generator"])
     except RuntimeError:
-        _refuse(path, "simulation.generator is no state of a generator")
+        _refuse(path, "'simulation.generator' is no state of a generator")
 
 
 def _ranges(
@@ -139,7 +139,8 @@ def _ranges(
     rng, own = saved["simulation"]["layout_rng"], fresh["simulation"]["layout_rng"]
     name = "simulation.layout_rng"
     yield f"{name}.bit_generator", rng["bit_generator"] == own["bit_generator"]
-    yield f"{name}.state", all(0 <= rng["state"][key] < _STATES for key in ("state", "inc"))
+    for key in ("state", "inc"):
+        yield f"{name}.state.{key}", 0 <= rng["state"][key] < _STATES
     yield f"{name}.has_uint32", rng["has_uint32"] in (0, 1)
     yield f"{name}.uinteger", 0 <= rng["uinteger"] < _WORDS
     state, world = saved["simulation"]["state"], trainer.simulation.world

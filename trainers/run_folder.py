@@ -202,17 +202,14 @@ class RunFolder:
         return TrainedPolicy(network, name=str(self.path), use_mask=shape["mask_actions"])
 
     def _files(self) -> dict[str, bytes]:
-        files = saving.read_save(self.path)
-        if not files:
-            if self.path.is_dir() and any(self.path.glob("events.out.tfevents.*")):
-                raise InputError(f"{self.path}: nothing has been saved in it yet: no policy")
-            raise InputError(f"{self.path}: holds no run: there is no scenario.yaml in it")
-        return files
+        return saving.read_save(self.path)
 
     def _scenario(self, files: dict[str, bytes]) -> Scenario:
-        if "scenario.yaml" not in files:
-            raise InputError(f"{self.path}: holds no run: there is no scenario.yaml in it")
-        return parse_scenario(self.path / "scenario.yaml", files["scenario.yaml"])
+        if "scenario.yaml" in files:
+            return parse_scenario(self.path / "scenario.yaml", files["scenario.yaml"])
+        if not files and any(self.path.glob("events.out.tfevents.*")):
+            raise InputError(f"{self.path}: nothing has been saved in it yet; start anew by --out")
+        raise InputError(f"{self.path}: holds no run: there is no scenario.yaml in it")
 
     def _shape(self, files: dict[str, bytes]) -> dict[str, Any]:
         path = self.path / "policy.json"

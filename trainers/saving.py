@@ -81,10 +81,10 @@ class Manifest:
         try:
             read = parse_json(data.decode())
         except ValueError as error:
-            raise InputError(f"{path}: damaged, it is no JSON ({error})") from None
+            raise InputError(f"{path}: cannot be read: damaged, it is no JSON ({error})") from None
         version = read.get("format") if isinstance(read, dict) else None
         if type(version) is not int or not _is_manifest(read, names):
-            raise InputError(f"{path}: damaged, it is no manifest of a run")
+            raise InputError(f"{path}: cannot be read: damaged, it is no manifest of a run")
         if version != FORMAT:
             raise InputError(
                 f"{path}: is of another version of this software: format {version}, not {FORMAT}"
@@ -142,11 +142,13 @@ def manifest_of(folder: Path) -> Manifest | None:
             return Manifest.parse(path, data, _OF_RUN)
     if own is None:
         if wanted:
-            raise InputError(f"{path}: is missing")
+            raise InputError(f"{path}: is missing, but named by {GROUP} above it")
         return None
     manifest = Manifest.parse(path, own, _OF_RUN)
     if wanted and manifest.in_group:
-        raise InputError(f"{path}: damaged, or not the one that {GROUP} above it belongs to")
+        raise InputError(
+            f"{path}: cannot be read: damaged, or not the one that {GROUP} above it belongs to"
+        )
     return manifest
 
 
@@ -184,7 +186,7 @@ def _read_files(folder: Path, manifest: Manifest | None) -> dict[str, bytes]:
         else:
             if is_there:
                 raise InputError(
-                    f"{path}: damaged: its SHA-256 is not the one that {MANIFEST} gives"
+                    f"{path}: cannot be read: damaged, its SHA-256 is not that of {MANIFEST}"
                 )
     return files
 

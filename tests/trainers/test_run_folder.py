@@ -367,7 +367,7 @@ class TestEvaluatingARun:
 
     def test_no_run(self, tiny, tmp_path):
         message = refusal(lambda: load_run(tmp_path, tiny(), transfer=False))
-        assert message.endswith("holds no run: there is no scenario.yaml in it")
+        assert message.endswith("holds no trained policy")
 
     def test_policy_can_be_evaluated_from_elsewhere(self, folder, tiny, monkeypatch):
         # A preset of one's own must not be needed any more.
