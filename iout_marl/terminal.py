@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import errno
 import io
 import os
@@ -12,7 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
-from rich.console import Console, RenderableType
+from rich.console import Console
+from rich.table import Table
 
 #: Columns of what goes into a file or a pipe: no terminal folds it there.
 WIDE = 160
@@ -76,11 +78,11 @@ def progress_console(**options: Any) -> Console:
     return Console(file=_Unfailing(sys.stderr), **{**_PLAIN, **options})  # type: ignore[arg-type]
 
 
-def present(what: RenderableType) -> None:
+def present(what: str | Table) -> None:
     """Show what a command was asked for on standard output: lines of text, or a table.
 
-    Text is neither folded nor cut off, and a table is as wide as it has to be, if wider than
-    the terminal; colours are for terminals alone.
+    Text is neither folded nor cut off. A table is as wide as its cells need it to be, if wider
+    than the terminal; its headings are folded. Colours are for terminals alone.
 
     Raises:
         OSError: it cannot be written.
@@ -90,11 +92,17 @@ def present(what: RenderableType) -> None:
         if isinstance(what, str):
             console.out(what)
         else:
-            least = console.measure(what).minimum
-            console.print(what, width=max(console.width, least), crop=False, no_wrap=False)
+            width = max(console.width, _least_width(console, what))
+            console.print(what, width=width, crop=False, no_wrap=False)
     except OSError as error:
         error.filename = "standard output"
         raise
+
+
+def _least_width(console: Console, table: Table) -> int:
+    bare = copy.copy(table)
+    bare.show_header = False
+    return console.measure(bare).minimum
 
 
 def complain(line: str) -> None:

@@ -136,6 +136,20 @@ def test_no_figure_or_name_is_cut_off_in_a_narrow_terminal(words, columns):
         assert "multi/m4-k50-tdd" in out
 
 
+def test_long_headings_are_folded_in_a_terminal(tmp_path):
+    import trainers
+    from iout_marl import load_scenario
+
+    scenario = load_scenario("paper/k3-fdd", {"training.steps": 1, "episode.duration_s": 60})
+    name = "a-run-of-a-name-that-is-far-longer-than-any-of-the-figures-below-it"
+    trainers.train(scenario, tmp_path / name, evaluation_episodes=1)
+    words = ["evaluate", f"{name}/scenario.yaml", *["--policy", name, "--policy", "greedy"] * 2]
+    status, out = in_terminal(words, 80)
+    assert status == 0
+    assert max(len(line) for line in out.splitlines() if "│" in line) <= 80
+    assert "…" not in out
+
+
 def test_colours_and_bold_are_for_terminals():
     assert "\x1b[" in in_terminal(["scenarios"], 80)[1]
     assert "\x1b[3" not in in_terminal(["scenarios"], 80, NO_COLOR="1")[1]
