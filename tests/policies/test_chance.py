@@ -42,7 +42,7 @@ def scenario(request):
     return load_scenario(request.param, SHORT)
 
 
-@pytest.mark.parametrize("policy", [*BASELINES, Odd(), trained], ids=str)
+@pytest.mark.parametrize("policy", [*BASELINES, Odd(), trained], ids=[*BASELINES, "odd", "trained"])
 @pytest.mark.parametrize("changes", [{}, BY_EPISODE], ids=["fixed", "by-episode"])
 class TestEpisodesDependOnTheirSeedAlone:
     def scenario_and_policy(self, scenario, policy, changes):
