@@ -28,6 +28,12 @@ def unfailing() -> suppress:
     return suppress(OSError, ValueError)
 
 
+def tell(console: Console, line: str) -> None:
+    """Show a line as it is, in one piece."""
+    with unfailing():
+        console.print(line, markup=False, highlight=False, emoji=False, soft_wrap=True)
+
+
 class TrainingLog:
     """Writes each iteration to TensorBoard, to `metrics.jsonl` and to the terminal.
 
@@ -54,7 +60,7 @@ class TrainingLog:
         self._last_line = self._last_write = time.monotonic()
         self._writing_s = 0.0
         self._progress = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=None),
             TextColumn("{task.percentage:>3.0f} %"),
             TextColumn("sampled AoI {task.fields[aoi]:6.2f}"),
@@ -129,12 +135,11 @@ class TrainingLog:
         if not self._console.is_terminal and (done or now - self._last_line >= LINE_EVERY_S):
             self._last_line = now
             shown: dict[str, Any] = self._progress.tasks[0].fields
-            self._console.print(
+            tell(
+                self._console,
                 f"{self._name}  {min(env_steps / self._total, 1):4.0%}  sampled AoI "
                 f"{shown['aoi']:.2f}  Jain {shown['jain']:.3f}  {shown['kj']:.2f} kJ  "
                 f"{shown['rate']:,.0f} steps/s",
-                highlight=False,
-                markup=False,
             )
 
 
@@ -179,8 +184,7 @@ def _cut_off(run: RunFolder, env_steps: int, console: Console) -> None:
     path = run.metrics_path
     rows, skipped = read_rows(path)
     if skipped:
-        with unfailing():
-            console.print(damaged_lines(path, skipped), highlight=False, markup=False)
+        tell(console, damaged_lines(path, skipped))
     kept = [each for each in rows if each["env_steps"] <= env_steps]
     if rows or skipped:
         write_atomically(path, "".join(to_json(each) + "\n" for each in kept).encode())

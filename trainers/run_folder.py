@@ -17,6 +17,7 @@ from __future__ import annotations
 import io
 import json
 import pickle
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -160,7 +161,8 @@ class RunFolder:
         files, path = self._files(), self.checkpoint_path
         if path.name not in files:
             raise InputError(f"{self.path}: holds no checkpoint")
-        with readable(path):
+        with readable(path), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what is odd, but loads
             contents = io.BytesIO(files[path.name])
             saved = torch.load(contents, map_location="cpu", weights_only=True)
         _check_version(path, saved)

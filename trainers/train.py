@@ -24,7 +24,7 @@ from iout_marl.scenario import Scenario, load_scenario, to_yaml
 from iout_marl.terminal import progress_console
 from trainers import saving
 from trainers.group import Group, LostProcessError
-from trainers.logs import TrainingLog, unfailing
+from trainers.logs import TrainingLog, tell
 from trainers.memory import enough_memory
 from trainers.occupied import occupied
 from trainers.ppo import Trainer
@@ -171,8 +171,7 @@ def train(
         training = _Training(out, runs, trainer, scenario, console, stop, saved_at)
         was_complete = resume and is_complete(runs, trainer)
         if was_complete:
-            with unfailing():
-                console.print(f"{out}: is complete; its policy is evaluated again", markup=False)
+            tell(console, f"{out}: is complete; its policy is evaluated again")
         else:
             _say_how_far(trainer, console)
             training.run()
@@ -238,13 +237,11 @@ def _all_or_none(group: Group) -> Iterator[None]:
 def _say_how_far(trainer: Trainer, console: Console) -> None:
     steps, each = trainer.settings.steps, trainer.steps_per_iteration
     if trainer.group.rank == 0 and steps % each:
-        with unfailing():
-            console.print(
-                f"training.steps {steps:,}: {-(-steps // each) * each:,} are trained, whole "
-                f"rollouts of {each:,} steps",
-                markup=False,
-                highlight=False,
-            )
+        tell(
+            console,
+            f"training.steps {steps:,}: {-(-steps // each) * each:,} are trained, whole rollouts "
+            f"of {each:,} steps",
+        )
 
 
 class _Training:

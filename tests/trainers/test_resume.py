@@ -1,10 +1,12 @@
 """A training that was stopped, by a signal or a crash, goes on as if it never had been."""
 
+import io
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -14,7 +16,10 @@ from rich.console import Console
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from iout_marl import InputError
-from trainers import RunFolder, Trainer, train
+from iout_marl.scenario import Training
+from trainers import DivergedError, RunFolder, Trainer, saving, train
+
+training = sys.modules["trainers.train"]  # its name is also that of a function
 
 RANDOM_NODES = {"kind": "random", "count": 2}
 SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
@@ -279,12 +284,99 @@ def test_signal_to_the_process_saves_and_leaves_with_its_status(
     assert (folder / "result.json").is_file()
 
 
-def test_fewer_steps_than_were_taken_are_refused(tmp_path, run):
+@pytest.mark.parametrize("steps", [1, 80, 479, 480])
+def test_fewer_steps_than_were_taken_are_refused(tmp_path, run, steps):
     run(tmp_path / "run")
     before = (tmp_path / "run" / "scenario.yaml").read_bytes()
     with pytest.raises(InputError, match="has taken 560 steps already"):
-        run(tmp_path / "run", {"training.steps": 80}, resume=True)
+        run(tmp_path / "run", {"training.steps": steps}, resume=True)
     assert (tmp_path / "run" / "scenario.yaml").read_bytes() == before
+
+
+@pytest.mark.parametrize("steps", [481, 500, 559, 560])
+def test_steps_that_are_no_multiple_of_a_rollout(tmp_path, run, monkeypatch, steps):
+    """A run that has taken all of them, killed before its result was written, and after."""
+    changes = {"training.steps": steps}
+    whole = run(tmp_path / "run", changes)
+    assert whole.trainer.env_steps == 560
+    complete = (tmp_path / "run/result.json").read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "evaluate", lambda *_, **__: crash())
+        with pytest.raises(CrashError):
+            run(tmp_path / "killed", changes)
+    assert not (tmp_path / "killed/result.json").exists()
+    for name in ("killed", "run", "run"):
+        again = run(tmp_path / name, changes, resume=True)
+        assert again.finished
+        assert again.trainer.env_steps == 560
+    assert (tmp_path / "run/result.json").read_bytes() == complete
+    assert_equal_runs(tmp_path / "run", tmp_path / "killed")
+    assert run(tmp_path / "run", {"training.steps": 561}, resume=True).trainer.env_steps == 640
+
+
+def test_signal_before_the_first_iteration(tmp_path, run, monkeypatch):
+    build = Trainer.__init__
+
+    def build_and_stop(trainer, *args, **options):
+        signal.raise_signal(signal.SIGTERM)
+        build(trainer, *args, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Trainer, "__init__", build_and_stop)
+        stopped = run(tmp_path / "stopped")
+    assert (stopped.finished, stopped.signal) == (False, signal.SIGTERM)
+    assert stopped.trainer.env_steps == 0
+    run(tmp_path / "whole")
+    run(tmp_path / "stopped", resume=True)
+    assert_equal_runs(tmp_path / "whole", tmp_path / "stopped")
+
+
+@pytest.mark.parametrize("number", SIGNALS, ids=lambda number: number.name)
+def test_signal_during_the_final_evaluation(tmp_path, run, monkeypatch, number):
+    def stop(*_, **__):
+        signal.raise_signal(number)
+        raise AssertionError("the evaluation goes on")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "evaluate", stop)
+        stopped = run(tmp_path / "stopped")
+    assert (stopped.finished, stopped.signal, stopped.evaluations) == (False, number, [])
+    assert stopped.trainer.env_steps == 560
+    run(tmp_path / "whole")
+    assert run(tmp_path / "stopped", resume=True).finished
+    assert_equal_runs(tmp_path / "whole", tmp_path / "stopped")
+
+
+def test_hangup_that_is_ignored_stays_so(tmp_path, run, interrupt):
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        interrupt(1, lambda: signal.raise_signal(signal.SIGHUP))
+        outcome = run(tmp_path / "run")
+        assert (outcome.finished, outcome.signal) == (True, None)
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_in_another_thread_signals_have_their_usual_effect(tmp_path, run):
+    outcomes = []
+    thread = threading.Thread(target=lambda: outcomes.append(run(tmp_path / "run")))
+    thread.start()
+    thread.join()
+    assert outcomes[0].finished
+
+
+def test_command_line_is_done_only_where_the_training_is(tmp_path, iout, tiny_settings, interrupt):
+    words = ["train", "best/k3-fdd", *tiny_settings]
+    interrupt(2, lambda: signal.raise_signal(signal.SIGHUP))
+    status, out, _ = iout(*words, "--out", tmp_path / "a run")
+    assert status == 128 + signal.SIGHUP
+    assert f"--resume '{tmp_path / 'a run'}'" in out
+    status, out, _ = iout(*words, "--resume", tmp_path / "a run")
+    assert status == 0
+    status, _, err = iout(*words, "--resume", tmp_path / "a run")
+    assert status == 0
+    assert "a run: is complete" in err
 
 
 def test_result_of_a_shorter_training_does_not_outlive_it(tmp_path, run, interrupt):
@@ -294,10 +386,30 @@ def test_result_of_a_shorter_training_does_not_outlive_it(tmp_path, run, interru
     assert not (tmp_path / "run" / "result.json").exists()
 
 
-def test_divergence_ends_the_training_and_keeps_the_checkpoint(tmp_path, run):
-    with pytest.raises(InputError, match="training diverged after"):
+def test_divergence_says_what_there_is_to_go_on_from(tmp_path, run):
+    expected = r"run: training diverged after 80 .*; nothing was saved yet$"
+    with pytest.raises(DivergedError, match=expected) as raised:
         run(tmp_path / "run", {"training.learning_rate": 1e30})
-    assert not (tmp_path / "run" / "result.json").exists()
+    assert str(tmp_path) not in raised.value.reason
+    assert {path.name for path in (tmp_path / "run").iterdir()}.isdisjoint(saving.NAMES)
+
+
+#: Every setting of a training that is a number, and has no upper limit of its own.
+UNBOUNDED = [
+    key
+    for key, field in Training.model_fields.items()
+    if field.annotation is float and not any(hasattr(m, "le") for m in field.metadata)
+]
+
+
+@pytest.mark.parametrize("value", [1e30, 1e300, 1.7e308])
+@pytest.mark.parametrize("key", UNBOUNDED)
+def test_settings_that_are_too_large_end_in_one_line_or_not_at_all(tmp_path, tiny, key, value):
+    try:
+        scenario = tiny({f"training.{key}": value})
+        train(scenario, tmp_path, console=Console(file=io.StringIO()), evaluation_episodes=1)
+    except InputError as error:
+        assert str(error).isprintable()  # noqa: PT017 (a training that copes is right too)
 
 
 def test_resumed_run_takes_no_other_seed(iout, tmp_path):
