@@ -19,18 +19,26 @@ class InputError(ValueError):
         super().__init__("".join(c if c.isprintable() else repr(c)[1:-1] for c in message))
 
 
-def whole_number(name: str, value: Any, least: int, most: int) -> int:
+def whole_number(name: str, value: Any, least: int, most: int | None = None) -> int:
     """An argument as an int.
 
     Raises:
-        InputError: it is no whole number from `least` to `most`; bools are none.
+        InputError: it is no whole number from `least` on, up to `most`; bools are none.
     """
     is_whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
-    if is_whole and least <= int(value) <= most:
+    if is_whole and least <= int(value) and (most is None or int(value) <= most):
         return int(value)
-    text = repr(value)
-    text = text if len(text) <= 40 else f"{text[:37]}..."
-    raise InputError(f"{name} must be a whole number from {least} to {most:,}, not {text}")
+    to = "on" if most is None else f"to {most:,}"
+    raise InputError(f"{name} must be a whole number from {least} {to}, not {shortened(value)}")
+
+
+def shortened(value: Any, length: int = 60) -> str:
+    """A value of a user's in one line that is not too long."""
+    try:
+        text = " ".join(repr(value).split())
+    except ValueError:
+        return "a number of too many digits"
+    return text if len(text) <= length else f"{text[: length - 3]}..."
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

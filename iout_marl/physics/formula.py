@@ -13,12 +13,12 @@ import inspect
 import math
 import numbers
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, ParamSpec, Protocol, cast
+from typing import NamedTuple, ParamSpec, Protocol, cast
 
 import array_api_compat
 import numpy as np
 
-from iout_marl.errors import InputError
+from iout_marl.errors import InputError, shortened
 from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
 
 P = ParamSpec("P")
@@ -124,15 +124,7 @@ def _numbers(name: str, value: ArrayLike) -> ArrayLike:
                 return array.astype(np.float64).tolist()
         except (ValueError, TypeError, OverflowError, RuntimeError):
             pass  # ragged, or numbers beyond every type: the message is the same
-    raise InputError(f"{name} must be a number or an array of numbers, not {_short(value)}")
-
-
-def _short(value: Any) -> str:
-    try:
-        text = " ".join(repr(value).split())
-    except ValueError:
-        return "a number of too many digits"
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    raise InputError(f"{name} must be a number or an array of numbers, not {shortened(value)}")
 
 
 def _check(name: str, domain: Domain, given: Given) -> None:
