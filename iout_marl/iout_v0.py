@@ -19,7 +19,9 @@ the data fresh (Age of Information), and to leave no node out (Jain's fairness).
 
 **Actions**: direction (+x, −x, +y, −y, +z, −z), node to charge, node to hear; in TDD one
 node for both; with `auvs.motion: hover` a seventh direction stays. Useless choices are
-harmless: they cost what the scenario says.
+harmless: they cost what the scenario says. In a grid of one cell every direction stays. An
+action outside its space, a missing action, an unknown agent, and a step before a reset or after
+the end are refused in one line.
 
 **Several AUVs** move at once: those whose moves would end in one cell, or nearer than
 `auvs.separation_cells`, or swap their cells, stay where they are. A node that several
@@ -43,41 +45,38 @@ last slot truncates, it does not terminate.
 **Infos** have the same numeric keys from `reset` on: see
 `iout_marl.envs.episodes.Episodes.info`.
 
-**Arguments**: `scenario`, a bundled name (`paper/k10-fdd`), a path to a YAML file or a
-`Scenario`; `render_mode`: `human` prints every slot, `render` returns text with `ansi`
-and pixels with `rgb_array`; None draws nothing; `max_cycles`, the slots of an episode
-where it is to have another number than the scenario says.
+**Arguments**: `scenario`, a bundled name (`paper/k10-fdd`), a path to a YAML file, a mapping
+with the keys of one or a `Scenario`; `render_mode`: `human` prints every slot, `render` returns
+text with `ansi` and pixels with `rgb_array`; None draws nothing; `max_cycles`, the slots of an
+episode, 1 or more, where it is to have another number than the scenario says. `reset` takes a
+`seed` from 0 on; `options` have no effect.
 
 **Version history**: v0, initial release.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from pettingzoo import AECEnv
 from pettingzoo.utils import parallel_to_aec
-from pettingzoo.utils.wrappers import AssertOutOfBoundsWrapper, OrderEnforcingWrapper
 
+from iout_marl.envs.aec import CheckedAECEnv
+from iout_marl.envs.arguments import AnyScenario, scenario_of
 from iout_marl.envs.parallel import AUVParallelEnv
-from iout_marl.scenario import Scenario, load_scenario
 
 
 def parallel_env(
-    scenario: str | Path | Scenario = "paper/k10-fdd",
+    scenario: AnyScenario = "paper/k10-fdd",
     render_mode: str | None = None,
     max_cycles: int | None = None,
 ) -> AUVParallelEnv:
     """The environment in PettingZoo's parallel form, its native one."""
-    if max_cycles is not None:
-        slot_s = load_scenario(scenario).slot_s
-        scenario = load_scenario(scenario, {"episode.duration_s": max_cycles * slot_s})
-    return AUVParallelEnv(scenario, render_mode)
+    return AUVParallelEnv(scenario_of(scenario, max_cycles), render_mode)
 
 
 def raw_env(
-    scenario: str | Path | Scenario = "paper/k10-fdd",
+    scenario: AnyScenario = "paper/k10-fdd",
     render_mode: str | None = None,
     max_cycles: int | None = None,
 ) -> AECEnv[str, Any, Any]:
@@ -86,11 +85,9 @@ def raw_env(
 
 
 def env(
-    scenario: str | Path | Scenario = "paper/k10-fdd",
+    scenario: AnyScenario = "paper/k10-fdd",
     render_mode: str | None = None,
     max_cycles: int | None = None,
 ) -> AECEnv[str, Any, Any]:
     """The environment in PettingZoo's AEC form."""
-    return OrderEnforcingWrapper(
-        AssertOutOfBoundsWrapper(raw_env(scenario, render_mode, max_cycles))
-    )
+    return CheckedAECEnv(raw_env(scenario, render_mode, max_cycles))

@@ -14,12 +14,12 @@ from iout_marl.errors import InputError
 MAX_SEED = 2**64 - 1
 
 
-def whole_number(value: Any, least: int, most: int) -> int:
+def whole_number(value: Any, least: int, most: int | None = None) -> int:
     """A number as an `int`: 100, 1e6 or np.int64(3), but neither 1.5 nor True nor "3".
 
     Args:
         value: what was given.
-        least, most: what it cannot be below and above.
+        least, most: what it cannot be below and above; None for no such limit.
 
     Raises:
         ValueError: it is not whole, or outside these; the message begins with "must be".
@@ -29,14 +29,14 @@ def whole_number(value: Any, least: int, most: int) -> int:
         raise ValueError(f"must be a whole number, not {short(value)}")
     if value < least:
         raise ValueError(f"must be at least {least}, not {short(value)}")
-    if value > most:
+    if most is not None and value > most:
         raise ValueError(f"must be at most {most:,}, not {short(value)}")
     if value % 1:
         raise ValueError(f"must be a whole number, not {short(value)}")
     return int(value)
 
 
-def whole_argument(name: str, value: Any, least: int, most: int) -> int:
+def whole_argument(name: str, value: Any, least: int, most: int | None = None) -> int:
     """`whole_number` for an argument of this name.
 
     Raises:

@@ -7,18 +7,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
+from iout_marl.envs.arguments import AnyScenario, render_mode_of, scenario_of
 from iout_marl.envs.maskable import MaskableMultiDiscrete
 from iout_marl.envs.play import BatchedPlay, Play, UnrolledPlay
-from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text
-from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import Events, State, World, node_codes, redraws_every_episode
 from iout_marl.world.actions import ActionCheck
 from iout_marl.world.observation import Ranges
@@ -37,16 +35,24 @@ INFO_KEYS = (
     "beta",
     "age_violations",
 )
-RENDER_MODES = ("human", "ansi", "rgb_array")
+#: Those of them that a state has, with their names there.
+_STATE_FIELDS = {
+    "mean_aoi": "mean_age",
+    "peak_aoi": "peak_age",
+    "jain": "jain",
+    "total_harvested_j": "harvested_j",
+    "total_spent_j": "spent_j",
+    "age_violations": "capped_ages",
+}
 
 FloatArray = npt.NDArray[np.float32]
 
 
 class Episodes:
-    """Episodes of a scenario in a batch that start and end together.
+    """Episodes of a scenario in a batch that start and end together, unless some are restarted.
 
     Args:
-        scenario: a `Scenario`, a bundled name or a path.
+        scenario: a `Scenario`, a bundled name, a path or a mapping.
         num_envs: environments in the batch.
         render_mode: one of `RENDER_MODES`, or None.
 
@@ -56,16 +62,14 @@ class Episodes:
         state_space: of the vector for central critics.
 
     Raises:
-        InputError: no such scenario, a fault in it, or an unknown render mode.
+        InputError: no such scenario, a fault in it, or an argument out of its range.
     """
 
     def __init__(
-        self, scenario: str | Path | Scenario, num_envs: int = 1, render_mode: str | None = None
+        self, scenario: AnyScenario, num_envs: int = 1, render_mode: str | None = None
     ) -> None:
-        if render_mode is not None and render_mode not in RENDER_MODES:
-            raise InputError(f"render_mode must be one of {RENDER_MODES} or None")
-        self.render_mode = render_mode
-        self.scenario = load_scenario(scenario)
+        self.render_mode = render_mode_of(render_mode)
+        self.scenario = scenario_of(scenario)
         self.world = World(self.scenario, num_envs)
         self._num_envs = num_envs
         self._play: Play | None = None
@@ -83,6 +87,8 @@ class Episodes:
         )
         self._rngs: list[np.random.Generator] = []
         self._layout: npt.NDArray[np.int64] | None = None
+        #: Whether some were restarted without the others.
+        self._is_apart = False
 
     def __getstate__(self) -> dict[str, Any]:
         # A world holds its array library, which cannot be copied, nor can a function made
@@ -103,14 +109,23 @@ class Episodes:
         slot = unrolled_slot(self.scenario, with_mask=self.mask_place != "none")
         return UnrolledPlay(slot, self.world, state, events)
 
-    def reset(self, seeds: Sequence[int | None] | None = None) -> None:
-        """Start the next episode of every environment.
+    def reset(
+        self,
+        seeds: Sequence[int | None] | None = None,
+        where: npt.NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Start the next episode of every environment, or of some.
 
         Args:
             seeds: a seed for each environment, or None to draw on from its stream. The
                 first reset, and any with a seed, starts a stream; without a seed then
                 from the operating system's entropy.
+            where: (envs,) of which environments, whose seeds alone count; None for all.
         """
+        if where is not None and not where.all():
+            self._restart(seeds, where)
+            return
+        self._is_apart = False
         seeds = [None] * self.world.num_envs if seeds is None else list(seeds)
         if not self._rngs:
             self._rngs = [np.random.default_rng() for _ in seeds]
@@ -125,6 +140,24 @@ class Episodes:
                 self.scenario, self.world.grid, [self._rngs[i] for i in reseeded]
             )
         self._play = self._play_from(self.world.reset(self._layout))
+        self._show()
+
+    def _restart(self, seeds: Sequence[int | None] | None, where: npt.NDArray[np.bool_]) -> None:
+        before, events = self.current, self._playing.events
+        rows = np.flatnonzero(where).tolist()
+        for i in rows:
+            if seeds is not None and seeds[i] is not None:
+                self._rngs[i] = np.random.default_rng(seeds[i])
+        assert self._layout is not None
+        seeded = [i for i in rows if seeds is not None and seeds[i] is not None]
+        drawn = rows if redraws_every_episode(self.scenario) else seeded
+        if drawn:
+            self._layout = self._layout.copy()
+            rngs = [self._rngs[i] for i in drawn]
+            self._layout[drawn] = node_codes(self.scenario, self.world.grid, rngs)
+        first = self.world.reset(self._layout)
+        state = State(*(_written(old, new, where) for old, new in zip(before, first, strict=True)))
+        self._play, self._is_apart = self._play_from(state, events), bool(state.slot.any())
         self._show()
 
     def action_space_for(self, num_auvs: int) -> spaces.MultiDiscrete:
@@ -147,9 +180,14 @@ class Episodes:
         return self._playing.state
 
     @property
+    def has_begun(self) -> bool:
+        """Whether there was a reset."""
+        return self._play is not None
+
+    @property
     def _playing(self) -> Play:
         if self._play is None:
-            raise RuntimeError("call reset() first")
+            raise RuntimeError("the episode has not begun: call reset() first")
         return self._play
 
     def step(self, action: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -162,20 +200,30 @@ class Episodes:
             (envs, auvs) rewards.
 
         Raises:
-            ValueError: an action lies outside its space.
-            RuntimeError: the episode is over, or has not begun.
+            InputError: an action lies outside its space.
+            RuntimeError: an episode is over, or has not begun.
         """
         play = self._playing
         if self.is_over:
             raise RuntimeError("the episode is over: call reset() first")
+        if self._is_apart and self.over.any():
+            which = np.flatnonzero(self.over).tolist()
+            raise RuntimeError(f"the episodes of environments {which} are over: reset them first")
         reward = play.step(self._check(action))
         self._show()
         return reward
 
     @property
     def is_over(self) -> bool:
-        """Whether the episodes have reached their time limit."""
+        """Whether the episodes have reached their time limit, that of the first one."""
         return self._slots_over >= self.world.num_slots
+
+    @property
+    def over(self) -> npt.NDArray[np.bool_]:
+        """Which episodes have reached their time limit, (envs,)."""
+        if not self._is_apart:
+            return np.full(self._num_envs, self.is_over)
+        return np.asarray(self._playing.now("slot") >= self.world.num_slots)
 
     @property
     def _slots_over(self) -> int:
@@ -206,6 +254,8 @@ class Episodes:
         now, slot = self._playing.now, self._slots_over
         none = np.zeros((self.world.num_envs, self.world.num_auvs))
         last = self._playing.last if slot else lambda _: none
+        if self._is_apart:
+            return self._info_apart()
         return {
             "mean_aoi": now("mean_age"),
             "time_mean_aoi": now("age_sum") / slot if slot else now("mean_age"),
@@ -219,19 +269,43 @@ class Episodes:
             "age_violations": now("capped_ages"),
         }
 
+    def _info_apart(self) -> dict[str, npt.NDArray[np.float64]]:
+        """`info` where some episodes have begun later than others."""
+        playing, slots = self._playing, self._playing.now("slot")
+        begun = slots > 0
+        own = ("harvested_j", "delivered", "beta")
+        last = {name: np.where(begun[:, None], playing.last(name), 0.0) for name in own}
+        now = {name: playing.now(field) for name, field in _STATE_FIELDS.items()}
+        mean = playing.now("age_sum") / np.maximum(slots, 1)
+        now["time_mean_aoi"] = np.where(begun, mean, now["mean_aoi"])
+        return {name: (now | last)[name] for name in INFO_KEYS}
+
     def render(self, env: int = 0) -> str | npt.NDArray[np.uint8] | None:
         """The picture that `render_mode` names: text, (height, width, 3) pixels, or None."""
         if self.render_mode in (None, "human"):
             return None
-        snapshot = Snapshot.of(self.world, self.current, self._playing.events, env)
+        snapshot = self._snapshot(env)
         return as_text(snapshot) if self.render_mode == "ansi" else as_picture(snapshot)
 
     def _show(self) -> None:
         """In mode `human`, print every environment to the terminal."""
         if self.render_mode == "human":
             for env in range(self.world.num_envs):
-                text = as_text(Snapshot.of(self.world, self.current, self._playing.events, env))
-                sys.stdout.write(f"{text}\n")
+                sys.stdout.write(f"{as_text(self._snapshot(env))}\n")
+
+    def _snapshot(self, env: int) -> Snapshot:
+        state = self.current
+        events = self._playing.events if state.slot[env] else None
+        return Snapshot.of(self.world, state, events, env)
+
+
+def _written(
+    old: npt.NDArray[Any], new: npt.NDArray[Any], where: npt.NDArray[np.bool_]
+) -> npt.NDArray[Any]:
+    """The old array, laid out in memory as it is, with the new one's rows."""
+    mixed = old.copy(order="K")
+    mixed[where] = new[where]
+    return mixed
 
 
 def box(ranges: Ranges) -> spaces.Box:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -10,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from iout_marl.envs.episodes import RENDER_MODES, Episodes, FloatArray
-from iout_marl.scenario import Scenario
+from iout_marl.envs.arguments import RENDER_MODES, AnyScenario, options_of, seed_of
+from iout_marl.envs.episodes import Episodes, FloatArray
+from iout_marl.errors import InputError
 from iout_marl.world.actions import integers
 
 
@@ -22,18 +22,18 @@ class AUVEnv(gymnasium.Env[Any, Any]):
     mean of theirs. With one AUV they are exactly those of the ParallelEnv's `auv_0`.
 
     Args:
-        scenario: a bundled name, a path to a YAML file or a `Scenario`.
+        scenario: a bundled name, a path to a YAML file, a mapping or a `Scenario`.
         render_mode: `human`, `ansi`, `rgb_array` or None.
 
     Raises:
-        InputError: no such scenario, or a fault in it.
+        InputError: no such scenario, a fault in it, or an unknown render mode.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 4}  # noqa: RUF012
 
     def __init__(
         self,
-        scenario: str | Path | Scenario = "paper/k10-fdd",
+        scenario: AnyScenario = "paper/k10-fdd",
         render_mode: str | None = None,
     ) -> None:
         self._episodes = Episodes(scenario, render_mode=render_mode)
@@ -44,7 +44,12 @@ class AUVEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Start an episode; `seed` starts a new stream of random layouts."""
+        """Start an episode; `seed` starts a new stream of random layouts.
+
+        Raises:
+            InputError: the seed is no whole number from 0 on, or options are no mapping.
+        """
+        seed, options = seed_of(seed), options_of(options)
         super().reset(seed=seed, options=options)
         self._episodes.reset([seed])
         return self._observation(), self._info()
@@ -53,7 +58,7 @@ class AUVEnv(gymnasium.Env[Any, Any]):
         """One slot.
 
         Raises:
-            ValueError: the action lies outside its space.
+            InputError: the action lies outside its space.
             RuntimeError: the episode is over, or has not begun.
         """
         actions = split_actions(self._episodes, integers(action)[None])
@@ -61,7 +66,7 @@ class AUVEnv(gymnasium.Env[Any, Any]):
         return self._observation(), reward, False, self._episodes.is_over, self._info()
 
     def render(self) -> Any:
-        """Text or pixels of the current slot, as `render_mode` says."""
+        """Text or pixels of the current slot, as `render_mode` says; None without one."""
         return self._episodes.render()
 
     def _observation(self) -> Any:
@@ -69,7 +74,9 @@ class AUVEnv(gymnasium.Env[Any, Any]):
         return {k: v[0] for k, v in joint.items()} if isinstance(joint, dict) else joint[0]
 
     def _info(self) -> dict[str, Any]:
-        return {name: value[0] for name, value in joint_info(self._episodes).items()}
+        info = {name: value[0] for name, value in joint_info(self._episodes).items()}
+        # Plain numbers beside the mask.
+        return {k: v if isinstance(v, np.ndarray) else v.item() for k, v in info.items()}
 
 
 def joint_spaces(episodes: Episodes) -> tuple[spaces.Space[Any], spaces.MultiDiscrete]:
@@ -88,11 +95,11 @@ def split_actions(episodes: Episodes, actions: npt.NDArray[Any]) -> npt.NDArray[
     """(envs, auvs · entries) joint actions as (envs, auvs, entries).
 
     Raises:
-        ValueError: the number of entries is not that of the space.
+        InputError: the number of entries is not that of the space.
     """
     m, entries = episodes.world.num_auvs, len(episodes.world.action_sizes)
     if actions.shape[1:] != (m * entries,):
-        raise ValueError(
+        raise InputError(
             f"an action must have {m * entries} entries, not shape {actions.shape[1:]}"
         )
     return actions.reshape(-1, m, entries)

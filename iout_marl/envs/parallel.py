@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,11 @@ import numpy.typing as npt
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
-from iout_marl.envs.episodes import RENDER_MODES, Episodes
-from iout_marl.scenario import Scenario
-from iout_marl.world.actions import integers
+from iout_marl.envs.arguments import RENDER_MODES, AnyScenario, options_of, seed_of
+from iout_marl.envs.episodes import Episodes
+from iout_marl.errors import InputError, did_you_mean
+from iout_marl.whole import short
+from iout_marl.world.actions import entries_of
 
 Observation = Any
 Info = dict[str, Any]
@@ -25,11 +27,11 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
     See `iout_marl.iout_v0` for the environment's page.
 
     Args:
-        scenario: a bundled name, a path to a YAML file or a `Scenario`.
+        scenario: a bundled name, a path to a YAML file, a mapping or a `Scenario`.
         render_mode: `human`, `ansi`, `rgb_array` or None.
 
     Raises:
-        InputError: no such scenario, or a fault in it.
+        InputError: no such scenario, a fault in it, or an unknown render mode.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (PettingZoo declares it so)
@@ -41,7 +43,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
 
     def __init__(
         self,
-        scenario: str | Path | Scenario = "paper/k10-fdd",
+        scenario: AnyScenario = "paper/k10-fdd",
         render_mode: str | None = None,
     ) -> None:
         self._episodes = Episodes(scenario, render_mode=render_mode)
@@ -61,24 +63,34 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """The observations of an agent: a Box, or a Dict with the mask beside it."""
-        return self.observation_spaces[agent]
+        return self.observation_spaces[self._known(agent)]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
         """The actions of an agent: MultiDiscrete([directions, K, K]), in TDD [directions, K]."""
-        return self.action_spaces[agent]
+        return self.action_spaces[self._known(agent)]
+
+    def _known(self, agent: str) -> str:
+        if agent in self.possible_agents:
+            return agent
+        hint = did_you_mean(str(agent), self.possible_agents)
+        raise InputError(f"there is no agent {agent!r}{hint}")
 
     def reset(
         self,
         seed: int | None = None,
-        options: dict[str, Any] | None = None,  # noqa: ARG002
+        options: dict[str, Any] | None = None,
     ) -> tuple[dict[str, Observation], dict[str, Info]]:
         """Start an episode.
 
         Args:
             seed: starts a new stream of random layouts; None goes on with the old one.
-            options: none are known.
+            options: none are known; unknown ones have no effect.
+
+        Raises:
+            InputError: the seed is no whole number from 0 on, or options are no mapping.
         """
-        self._episodes.reset([seed])
+        options_of(options)
+        self._episodes.reset([seed_of(seed)])
         self.agents = self.possible_agents[:]
         return self._observations(), self._infos()
 
@@ -97,15 +109,23 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
             actions: an action for every agent.
 
         Raises:
-            ValueError: an agent's action is missing or outside its space.
+            InputError: an agent's action is missing or outside its space, or there is no such
+                agent.
             RuntimeError: the episode is over, or has not begun.
         """
         agents = self.agents
         if not agents:
-            raise RuntimeError("no agent is alive: call reset() first")
+            begun = self._episodes.has_begun
+            is_over = "is over" if begun else "has not begun"
+            raise RuntimeError(f"the episode {is_over}: call reset() first")
+        if not isinstance(actions, Mapping):
+            raise InputError(f"actions must be a mapping by agent, not {short(actions)}")
         missing = [a for a in agents if a not in actions]
         if missing:
-            raise ValueError(f"no action for {', '.join(missing)}")
+            raise InputError(f"no action for {', '.join(missing)}")
+        if len(actions) > len(agents):
+            for agent in actions:
+                self._known(agent)
         rewards = self._episodes.step(np.array([[self._own_action(actions, a) for a in agents]]))
         over = self._episodes.is_over
         result = (
@@ -120,20 +140,15 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         return result
 
     def _own_action(self, actions: dict[str, Any], agent: str) -> npt.NDArray[Any]:
-        action = integers(actions[agent], f"the action of {agent}")
-        expected = (len(self._episodes.world.action_sizes),)
-        if action.shape != expected:
-            raise ValueError(
-                f"the action of {agent} must have shape {expected}, not {action.shape}"
-            )
-        return action
+        count = len(self._episodes.world.action_sizes)
+        return entries_of(actions[agent], count, f"the action of {agent}")
 
     def state(self) -> npt.NDArray[np.float32]:
         """What a central critic may see, (entries,): see `Observer.observe_globally`."""
         return self._episodes.observe_globally()[0]
 
     def render(self) -> str | npt.NDArray[np.uint8] | None:
-        """Text or pixels of the current slot, as `render_mode` says."""
+        """Text or pixels of the current slot, as `render_mode` says; None without one."""
         return self._episodes.render()
 
     def close(self) -> None:

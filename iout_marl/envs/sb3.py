@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
+from iout_marl.envs.arguments import MOST_PROCESSES, AnyScenario
 from iout_marl.envs.parallel import AUVParallelEnv
-from iout_marl.scenario import Scenario
+from iout_marl.whole import whole_argument
+from iout_marl.world.limits import MOST_ENVS
 
 
 def sb3_vec_env(
-    scenario: str | Path | Scenario = "paper/k10-fdd", num_envs: int = 8, processes: int = 0
+    scenario: AnyScenario = "paper/k10-fdd", num_envs: int = 8, processes: int = 0
 ) -> Any:
     """A Stable-Baselines3 VecEnv with one slot for every AUV of every environment.
 
@@ -18,10 +19,15 @@ def sb3_vec_env(
     by `vec_env.reset(seed=…)` or by the seed of the algorithm, in any number of processes.
 
     Args:
-        scenario: a bundled name, a path to a YAML file or a `Scenario`.
-        num_envs: copies of the environment.
+        scenario: a bundled name, a path to a YAML file, a mapping or a `Scenario`.
+        num_envs: copies of the environment, 1 or more.
         processes: worker processes; 0 steps all copies in this one.
+
+    Raises:
+        InputError: no such scenario, a fault in it, or an argument out of its range.
     """
+    num_envs = whole_argument("num_envs", num_envs, 1, MOST_ENVS)
+    processes = whole_argument("processes", processes, 0, MOST_PROCESSES)
     # Their import takes seconds that no other face needs to pay.
     import supersuit
 

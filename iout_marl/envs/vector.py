@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,17 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from iout_marl.envs.episodes import RENDER_MODES, Episodes
+from iout_marl.envs.arguments import (
+    RENDER_MODES,
+    AnyScenario,
+    autoreset_mode_of,
+    options_of,
+    reset_mask_of,
+    seeds_of,
+)
+from iout_marl.envs.episodes import Episodes
 from iout_marl.envs.joint import joint_info, joint_observations, joint_spaces, split_actions
-from iout_marl.scenario import Scenario
+from iout_marl.errors import InputError
 from iout_marl.world.actions import integers
 
 
@@ -22,17 +29,24 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
 
     Environment i, seeded with `seed + i`, is the `AUVEnv` seeded so, number for number
     (rewards up to rounding).
-    Episodes start and end together; the step that ends them returns the first
-    observations of the next ones (autoreset mode SAME_STEP), with the last ones in
-    `infos["final_obs"]` and the last infos in `infos["final_info"]`.
+    Episodes start and end together. What follows an end is Gymnasium's autoreset mode:
+
+    - SAME_STEP: the step that ends them returns the first observations of the next ones, with
+      the last ones in `infos["final_obs"]` and the last infos in `infos["final_info"]`;
+    - NEXT_STEP: the step after it begins the next ones, whatever its actions, for a reward of 0
+      (what most of Gymnasium's vector wrappers want);
+    - DISABLED: nothing; the caller resets, all or, by `options={"reset_mask": …}`, some, whose
+      episodes then end earlier or later than the others.
 
     Args:
-        scenario: a bundled name, a path to a YAML file or a `Scenario`.
-        num_envs: environments side by side.
+        scenario: a bundled name, a path to a YAML file, a mapping or a `Scenario`.
+        num_envs: environments side by side, 1 or more.
         render_mode: `human`, `ansi`, `rgb_array` or None, of every environment.
+        autoreset_mode: an `AutoresetMode`, or its name or value; None for that of `metadata`,
+            SAME_STEP.
 
     Raises:
-        InputError: no such scenario, or a fault in it.
+        InputError: no such scenario, a fault in it, or an argument out of its range.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (Gymnasium declares it so)
@@ -43,12 +57,17 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
 
     def __init__(
         self,
-        scenario: str | Path | Scenario = "paper/k10-fdd",
+        scenario: AnyScenario = "paper/k10-fdd",
         num_envs: int = 1,
         render_mode: str | None = None,
+        autoreset_mode: str | AutoresetMode | None = None,
     ) -> None:
+        mode = self.metadata["autoreset_mode"] if autoreset_mode is None else autoreset_mode
+        self.autoreset_mode = autoreset_mode_of(mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        self._is_next_reset = False
         self._episodes = Episodes(scenario, num_envs, render_mode)
-        self.num_envs = num_envs
+        self.num_envs = num_envs = self._episodes.world.num_envs
         self.render_mode = render_mode
         self.scenario = self._episodes.scenario
         self.single_observation_space, self.single_action_space = joint_spaces(self._episodes)
@@ -61,23 +80,34 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        """Start an episode of every environment.
+        """Start an episode of every environment, or of some.
 
         Args:
             seed: environment i gets `seed + i`, or `seed[i]`.
-            options: `reset_mask` is refused: episodes start together.
+            options: `reset_mask`, (envs,) bools of the environments that it is for, in mode
+                DISABLED once all have begun; others have no effect.
+
+        Returns:
+            observations of all, and infos of those that it was for.
 
         Raises:
-            ValueError: the wrong number of seeds, or a `reset_mask`.
+            InputError: seeds or options are something else, or episodes start together.
         """
-        if options and "reset_mask" in options:
-            raise ValueError("reset_mask: environments of this batch start and end together")
-        if isinstance(seed, int | np.integer):
-            seed = [int(seed) + i for i in range(self.num_envs)]
-        if seed is not None and len(seed) != self.num_envs:
-            raise ValueError(f"expected {self.num_envs} seeds, not {len(seed)}")
-        self._episodes.reset(seed)
-        return joint_observations(self._episodes), self._infos()
+        seeds, options = seeds_of(seed, self.num_envs), options_of(options)
+        self._is_next_reset = False
+        if "reset_mask" not in options:
+            self._episodes.reset(seeds)
+            return joint_observations(self._episodes), self._infos()
+        where = reset_mask_of(options["reset_mask"], self.num_envs)
+        if self.autoreset_mode is not AutoresetMode.DISABLED:
+            raise InputError(
+                "options['reset_mask']: the environments of this batch start and end together; "
+                "autoreset_mode='Disabled' leaves their resets to the caller"
+            )
+        if not self._episodes.has_begun and not where.all():
+            raise InputError("options['reset_mask']: the first reset must be of all environments")
+        self._episodes.reset(seeds, where)
+        return joint_observations(self._episodes), _of(self._infos(), where)
 
     def step(
         self, actions: Any
@@ -91,19 +121,25 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
         """One slot of every environment.
 
         Args:
-            actions: (envs, entries) integers.
+            actions: (envs, entries) integers; those of a step that only resets are not read.
 
         Raises:
-            ValueError: an action lies outside its space.
-            RuntimeError: before the first reset.
+            InputError: an action lies outside its space.
+            RuntimeError: before the first reset, or an episode is over (DISABLED).
         """
         episodes = self._episodes
+        if self._is_next_reset:
+            self._is_next_reset = False
+            episodes.reset()
+            nothing = np.zeros(self.num_envs)
+            ends = (nothing.astype(np.bool_), nothing.astype(np.bool_))
+            return joint_observations(episodes), nothing, *ends, self._infos()
         reward = episodes.step(split_actions(episodes, integers(actions))).mean(axis=1)
-        over = episodes.is_over
-        truncations = np.full(self.num_envs, over)
+        truncations = episodes.over
         terminations = np.zeros(self.num_envs, dtype=np.bool_)
         final: dict[str, Any] = {}
-        if over:
+        self._is_next_reset = self.autoreset_mode is AutoresetMode.NEXT_STEP and episodes.is_over
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and episodes.is_over:
             every = np.ones(self.num_envs, dtype=np.bool_)
             final = {
                 "final_obs": self._as_objects(joint_observations(episodes)),
@@ -138,3 +174,17 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
                 else observations[i]
             )
         return objects
+
+
+def _of(infos: dict[str, Any], where: npt.NDArray[np.bool_]) -> dict[str, Any]:
+    """Infos of some environments; 0 stands for the others, as Gymnasium has it."""
+    return {
+        name: values & where if name.startswith("_") else _zeros_but(values, where)
+        for name, values in infos.items()
+    }
+
+
+def _zeros_but(values: npt.NDArray[Any], where: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
+    kept = np.zeros_like(values)
+    kept[where] = values[where]
+    return kept

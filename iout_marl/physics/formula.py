@@ -13,13 +13,14 @@ import inspect
 import math
 import numbers
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, ParamSpec, Protocol, cast
+from typing import NamedTuple, ParamSpec, Protocol, cast
 
 import array_api_compat
 import numpy as np
 
 from iout_marl.errors import InputError
 from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
+from iout_marl.whole import short
 
 P = ParamSpec("P")
 #: The arguments of a call, by name.
@@ -124,15 +125,7 @@ def _numbers(name: str, value: ArrayLike) -> ArrayLike:
                 return array.astype(np.float64).tolist()
         except (ValueError, TypeError, OverflowError, RuntimeError):
             pass  # ragged, or numbers beyond every type: the message is the same
-    raise InputError(f"{name} must be a number or an array of numbers, not {_short(value)}")
-
-
-def _short(value: Any) -> str:
-    try:
-        text = " ".join(repr(value).split())
-    except ValueError:
-        return "a number of too many digits"
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    raise InputError(f"{name} must be a number or an array of numbers, not {short(value)}")
 
 
 def _check(name: str, domain: Domain, given: Given) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.errors import InputError
+from iout_marl.whole import short
 from iout_marl.world.grid import Grid
 
 
@@ -25,9 +26,19 @@ def integers(action: Any, what: str = "an action") -> npt.NDArray[Any]:
     except (ValueError, TypeError, RuntimeError):
         values = np.empty(0, dtype=object)
     if values.dtype.kind not in "iu":
-        text = " ".join(repr(action).split())
-        text = text if len(text) <= 80 else f"{text[:77]}..."
-        raise InputError(f"{what} must be integers, as many for every AUV, not {text}")
+        raise InputError(f"{what} must be integers, as many for every AUV, not {short(action)}")
+    return values
+
+
+def entries_of(action: Any, count: int, what: str = "an action") -> npt.NDArray[Any]:
+    """The action of one AUV as an array of `count` integers.
+
+    Raises:
+        InputError: it is something else.
+    """
+    values = integers(action, what)
+    if values.shape != (count,):
+        raise InputError(f"{what} must have shape {(count,)}, not {values.shape}")
     return values
 
 
@@ -107,9 +118,11 @@ class ActionCheck:
         # Read without a sign, what is negative is beyond every size.
         inside = taken.view(np.uint64) < self._ends
         if not inside.all():
-            worst = values[~inside.all(-1)][0]
+            env, auv = np.argwhere(~inside.all(-1))[0]
+            whose = "" if self._shape[:2] == (1, 1) else f"environment {env}, auv_{auv}: "
             raise InputError(
-                f"action {worst.tolist()} lies outside MultiDiscrete({list(self._sizes)}): "
+                f"{whose}action {values[env, auv].tolist()} lies outside "
+                f"MultiDiscrete({list(self._sizes)}): "
                 "each entry counts from 0 and stays below its size"
             )
         return taken

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from env_cases import CASES, SLOTS, case_scenario, scenario
 from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
 
 from iout_marl import load_scenario
 from iout_marl.envs import AUVEnv, AUVVectorEnv
+from iout_marl.errors import InputError
 from iout_marl.testing import assert_equal, check_vector_env
 
 
@@ -57,11 +59,12 @@ def test_environment_i_is_the_single_one_seeded_so_over_two_episodes_of_the_pape
             assert truncated == last
             if last:
                 assert_equal(infos["final_obs"][i], observation, f"final observation of {i}")
-                ended = {name: infos["final_info"][name][i] for name in info}
+                ended = {name: infos["final_info"][name][i].item() for name in info}
                 assert_equal(ended, info, f"final info of {i}")
                 observation, info = single.reset()
             assert_equal(observations[i], observation, f"slot {slot} of {i}")
-            assert_equal({name: infos[name][i] for name in info}, info, f"slot {slot} of {i}")
+            told = {name: infos[name][i].item() for name in info}
+            assert_equal(told, info, f"slot {slot} of {i}")
 
 
 @pytest.mark.parametrize("mask", ["info", "observation"])
@@ -184,3 +187,84 @@ def test_render_shows_every_environment(capsys):
         else:
             assert all(picture.dtype == np.uint8 and picture.ndim == 3 for picture in pictures)
     assert AUVVectorEnv(world, 2).render() is None
+
+
+# Autoreset modes ------------------------------------------------------------------------
+
+MODES = pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode.name)
+
+
+@MODES
+@pytest.mark.parametrize("case", ["fdd-1-fixed-none", "tdd-3-episode-info", "fdd-3-run-none"])
+def test_every_autoreset_mode_is_gymnasiums(mode, case):
+    world = case_scenario(case)
+    check_vector_env(
+        lambda: AUVVectorEnv(world, 3, autoreset_mode=mode),
+        lambda: AUVEnv(world),
+        seeds=(7,),
+        autoreset_mode=mode,
+    )
+
+
+@MODES
+@pytest.mark.parametrize("mask", ["none", "info", "observation"])
+def test_every_autoreset_mode_with_masks(mode, mask):
+    world = scenario("fdd", 3, "episode", mask)
+    check_vector_env(
+        lambda: AUVVectorEnv(world, 2, autoreset_mode=mode.value),
+        lambda: AUVEnv(world),
+        seeds=(3,),
+        autoreset_mode=mode,
+    )
+
+
+def test_seeds_of_a_reset_of_some_are_theirs_alone():
+    world = scenario(layout="episode")
+    envs = AUVVectorEnv(world, 3, autoreset_mode="DISABLED")
+    before, _ = envs.reset(seed=0)
+    mask = np.array([False, True, False])
+    after, infos = envs.reset(seed=[9, 5, 9], options={"reset_mask": mask})
+    np.testing.assert_array_equal(after[[0, 2]], before[[0, 2]])
+    np.testing.assert_array_equal(after[1], AUVEnv(world).reset(seed=5)[0])
+    assert infos["_mean_aoi"].tolist() == mask.tolist()
+    assert infos["mean_aoi"].tolist() == [0, 1, 0]
+
+
+def test_a_step_after_the_end_without_a_reset_is_refused_by_number():
+    envs = AUVVectorEnv(scenario(), 2, autoreset_mode="Disabled")
+    envs.reset(seed=0)
+    action = [[0, 0, 0]] * 2
+    envs.step(action)
+    envs.reset(options={"reset_mask": np.array([True, False])})
+    for _ in range(SLOTS - 1):
+        *_, truncations, _ = envs.step(action)
+    assert truncations.tolist() == [False, True]
+    with pytest.raises(RuntimeError, match=r"environments \[1\] are over: reset them first"):
+        envs.step(action)
+
+
+@pytest.mark.parametrize("mask", [[True, False], np.array([1, 0]), np.array([True]), None, "all"])
+def test_what_is_no_reset_mask_is_refused(mask):
+    envs = AUVVectorEnv(scenario(), 2, autoreset_mode="Disabled")
+    envs.reset(seed=0)
+    with pytest.raises(InputError, match="reset_mask'] must be a NumPy array of 2 bools"):
+        envs.reset(options={"reset_mask": mask})
+
+
+def test_the_first_reset_must_be_of_all():
+    envs = AUVVectorEnv(scenario(), 2, autoreset_mode="Disabled")
+    with pytest.raises(InputError, match="first reset must be of all"):
+        envs.reset(options={"reset_mask": np.array([True, False])})
+
+
+def test_a_batch_apart_can_be_drawn_and_copied():
+    envs = AUVVectorEnv(scenario(layout="episode"), 2, "ansi", autoreset_mode="Disabled")
+    envs.reset(seed=0)
+    envs.step([[0, 0, 0]] * 2)
+    envs.reset(options={"reset_mask": np.array([False, True])})
+    texts = envs.render()
+    assert "slot 1/" in texts[0]
+    assert "slot 0/" in texts[1]
+    twin = pickle.loads(pickle.dumps(envs))
+    for _ in range(3):
+        assert_equal(twin.step([[1, 1, 1]] * 2), envs.step([[1, 1, 1]] * 2), "a copy")

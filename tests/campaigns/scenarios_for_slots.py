@@ -1,0 +1,98 @@
+"""Random scenarios for random slots: between them they use every part of the world."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+#: What is drawn: settings of a scenario that go over one of the paper's.
+Settings = dict[str, Any]
+
+
+def draw_settings(rng: np.random.Generator) -> tuple[str, Settings]:
+    """A bundled scenario, and what takes its settings' places."""
+
+    def one_of(*choices: Any) -> Any:
+        return choices[rng.integers(len(choices))]
+
+    def sometimes(section: Settings, key: str, *choices: Any) -> None:
+        if rng.random() < 0.5:
+            section[key] = one_of(*choices)
+
+    grid = rng.integers(1, 8, 3).tolist() if rng.random() < 0.9 else [1, 1, int(rng.integers(1, 4))]
+    room = int(np.prod(grid))
+    num_auvs = int(min(rng.integers(1, 6), room))
+    num_nodes = int(min(rng.integers(1, 11), room))
+    slots = int(rng.integers(5, 41))
+    spacing_m, speed = one_of(1.0, 20.0, 100.0, 400.0), one_of(1.0, 4.0)
+    cells = np.stack(np.unravel_index(rng.permutation(room), grid), axis=-1) + 1
+    settings: Settings = {
+        "grid": {"cells": grid, "spacing_m": spacing_m},
+        "episode.duration_s": slots * spacing_m / speed,
+        "auvs": {
+            "start_cells": cells[: int(rng.integers(1, num_auvs + 1))].tolist(),
+            "count": num_auvs,
+            "speed_m_per_s": speed,
+            "motion": one_of("six", "hover"),
+            "separation_cells": one_of(0, 0.5, 1, 1, 1, 1.5, 2),
+        },
+        "age": {"initial": 1, "maximum": one_of(1, 2, 5, 50, 1000)},
+        "charging.power_w": one_of(1.0, 500.0, 2000.0, 1e5),
+        "uplink.packet_bits": one_of(10.0, 100.0, 1e4, 1e5),
+        "uplink.bandwidth_hz": one_of(500.0, 3000.0),
+        "harvester.hydrophones": one_of(1, 2, 20),
+    }
+    if rng.random() < 0.5:
+        nodes: Settings = {
+            "kind": "fixed",
+            "cells": cells[rng.permutation(room)[:num_nodes]].tolist(),
+        }
+        nodes["count"] = num_nodes
+    else:
+        nodes = {"kind": "random", "count": num_nodes, "redraw": one_of("run", "episode")}
+    if rng.random() < 0.4:
+        nodes["weights"] = rng.choice([0.0, 0.5, 1.0, 3.0], num_nodes).tolist()
+    settings["nodes"] = nodes
+    kind = one_of("fdd", "tdd")
+    settings["duplex"] = {"kind": kind}
+    if kind == "tdd":
+        low, high = one_of((0.1, 0.9), (0.0, 0.5), (0.05, 0.99), (0.4, 0.6))
+        settings["duplex"] |= {
+            "beta_rule": one_of("paper", "stored"),
+            "beta_min": low,
+            "beta_max": high,
+            "synchronised": one_of(True, False),
+            "frequency_khz": one_of(10.0, 40.0),
+        }
+    channel: Settings = {"kind": one_of("table", "table", "equation", "sonar")}
+    channel["access"] = one_of("orthogonal", "interference", "exclusive")
+    sometimes(channel, "spreading_factor", 1.0, 1.5, 2.0)
+    sometimes(
+        channel,
+        "absorption",
+        {"kind": "thorp"},
+        {"kind": "francois_garrison", "temperature_c": 4.0, "ph": 7.9},
+    )
+    if channel["kind"] == "sonar":
+        sometimes(channel, "wind_m_per_s", 0.0, 10.0)
+        sometimes(channel, "uplink_directivity_index_db", 0.0, 6.0)
+    else:
+        channel["noise_level_db"] = one_of(20.0, 30.0)
+    settings["channel"] = channel
+    reward: Settings = {"kind": one_of("paper", "mean_age"), "credit": one_of("team", "difference")}
+    if reward["kind"] == "mean_age":
+        sometimes(reward, "fairness_weight", 0.0, 20.0)
+    else:
+        for key in ("age_weight", "location_penalty", "separation_penalty", "unserved_penalty"):
+            sometimes(reward, key, 0.0, 1.0, 10.0, -2.0)
+        for key in ("no_able_node", "wrong_node", "only_charging", "only_transmitting"):
+            sometimes(reward, f"{key}_penalty", 0.0, 4.0, -1.0)
+    settings["reward"] = reward
+    observation: Settings = {"kind": one_of("paper", "scaled")}
+    for key in ("node_positions", "time", "other_auvs", "agent_index"):
+        sometimes(observation, key, True, False)
+    sometimes(observation, "view_range_m", None, 0.5 * spacing_m, 2 * spacing_m)
+    sometimes(observation, "action_mask", "none", "info", "observation")
+    settings["observation"] = observation
+    return f"paper/k3-{kind}", settings

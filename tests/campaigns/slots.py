@@ -1,0 +1,304 @@
+"""Random slots of random scenarios: in each the laws of physics and of the game are checked."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from campaigns.campaign import Campaign, Tally
+from campaigns.scenarios_for_slots import draw_settings
+from iout_marl import iout_v0
+from iout_marl.errors import InputError
+from iout_marl.scenario import FixedNodes, Scenario, load_scenario
+from iout_marl.world import World, node_codes
+from iout_marl.world.limits import _reward_bounds
+
+#: Environments of a batch, at most, and scenarios that a short campaign sees at least.
+MOST_ENVS, FEWEST_SCENARIOS = 4096, 8
+#: Environments that are played a second time with their nodes in another order.
+PERMUTED = 16
+#: Of sums of energies in another order.
+CLOSE = {"rtol": 1e-9, "atol": 1e-12}
+
+
+class LawBrokenError(AssertionError):
+    """A law does not hold."""
+
+
+def law(name: str, holds: Any) -> None:
+    """Raise an error unless all flags are set."""
+    if not np.all(holds):
+        where = np.argwhere(~np.atleast_1d(holds))[0].tolist()
+        raise LawBrokenError(f"{name}, at {where}")
+
+
+def close(name: str, a: Any, b: Any, scale: Any = 0.0) -> None:
+    """Raise an error unless two arrays are equal up to rounding of terms of that size."""
+    law(name, np.abs(a - b) <= 1e-12 + 1e-9 * np.maximum(np.maximum(np.abs(a), np.abs(b)), scale))
+
+
+class Laws:
+    """What must hold in every slot of a world."""
+
+    def __init__(self, world: World) -> None:
+        self.world, self.scenario = world, world.scenario
+        self.cells = world.grid.coordinate_table()
+        self.is_cell = np.zeros(world.grid.num_codes, dtype=bool)
+        self.is_cell[world.grid.encode(world.grid.all_coordinates())] = True
+        self.env = np.arange(world.num_envs)[:, None]
+        self.bound = sum(_reward_bounds(world.scenario).values())
+        self.one_cell = world.grid.num_cells == 1
+        self.pairs = np.triu_indices(world.num_auvs, 1)
+
+    def begin(self, state: Any) -> None:
+        """In the first state."""
+        self._placed(state)
+        law("a node holds energy at the start", state.energy_j == 0)
+        law("an age at the start", state.age == self.scenario.age.initial)
+        self._seen(state)
+
+    def slot(self, before: Any, action: Any, after: Any, events: Any, mask: Any) -> None:
+        """In a slot, from one state to the next."""
+        law("a slot is counted", after.slot == before.slot + 1)
+        law("nodes lie still", after.node_cell == before.node_cell)
+        self._moves(before, action, after, events)
+        self._energies(before, after, events)
+        self._uplinks(before, after, events, mask)
+        self._ages(before, after, events)
+        self._seen(after)
+        reward = self.world.reward(after, events)
+        law("a reward is finite and within its bounds", np.abs(reward) <= self.bound)
+
+    def _placed(self, state: Any) -> None:
+        for cell in (state.cell, state.node_cell):
+            law("cells lie in the grid", (cell >= 0) & (cell < len(self.is_cell)))
+            law("codes are cells", self.is_cell[cell])
+        separation = self.scenario.auvs.separation_cells
+        if separation > 0 and self.world.num_auvs > 1:
+            first, second = (self.cells[state.cell[:, auvs]] for auvs in self.pairs)
+            apart = ((first - second) ** 2).sum(-1)
+            law("AUVs keep their separation", apart >= separation**2 * (1 - 1e-9))
+
+    def _moves(self, before: Any, action: Any, after: Any, events: Any) -> None:
+        self._placed(after)
+        old = self.cells[before.cell]
+        target = old + self.world.motion.steps[action[..., 0]]
+        inside = ((target >= 0) & (target < self.scenario.grid.cells)).all(-1)
+        stays = (self.cells[after.cell] == old).all(-1)
+        arrives = (self.cells[after.cell] == target).all(-1)
+        law("a move leads to its cell or nowhere", stays | arrives)
+        law("who would leave the grid stays", inside | stays)
+        law("leaving the grid is noticed", events.left_grid == (~inside & (not self.one_cell)))
+        law("who is blocked stays", ~events.blocked | stays)
+        law("who is not blocked arrives", events.blocked | ~inside | arrives)
+
+    def _energies(self, before: Any, after: Any, events: Any) -> None:
+        link = self.world.link
+        offset = link.offset(after.cell, np.take_along_axis(after.node_cell, events.charged, 1))
+        harvest_j = link.harvested_w[offset] * link.slot_s
+        if self.scenario.duplex.kind == "tdd":
+            low, high = self.scenario.duplex.beta_min, self.scenario.duplex.beta_max
+            beta = events.beta
+            law("β", (beta == 0) | (beta == 1) | ((beta >= low) & (beta <= high)))
+            harvest_j = harvest_j * beta
+        else:
+            law("β in FDD", events.beta == 0)
+        close("what is harvested", events.harvested_j, harvest_j)
+        payable_j = before.energy_j.copy()
+        np.add.at(payable_j, (self.env, events.charged), events.harvested_j)
+        close("charging adds what is harvested", payable_j, events.payable_j)
+        spent_j = np.zeros_like(payable_j)
+        np.add.at(spent_j, (self.env, events.heard), events.spent_j)
+        law("energies are not negative", (after.energy_j >= 0).all(-1))
+        law("nothing negative is spent", events.spent_j >= 0)
+        close("an uplink takes what it spends", after.energy_j, payable_j - spent_j, payable_j)
+        stored_j = after.energy_j.sum(-1)
+        close(
+            "harvested is spent or stored",
+            after.harvested_j,
+            after.spent_j + stored_j,
+            after.harvested_j * len(self.is_cell),
+        )
+
+    def _uplinks(self, before: Any, after: Any, events: Any, mask: Any) -> None:
+        access, delivered = self.scenario.channel.access, events.delivered
+        served = np.zeros_like(after.deliveries)
+        np.add.at(served, (self.env, events.heard), delivered)
+        law("a node delivers once", served <= 1)
+        law("deliveries are counted", after.deliveries == before.deliveries + served)
+        law("who delivers pays", ~delivered | (events.spent_j > 0) | (events.beta > 0))
+        payable_j = np.take_along_axis(events.payable_j, events.heard, 1)
+        law("no more is spent than there is", events.spent_j <= payable_j * (1 + 1e-9))
+        law("who only charges delivers nothing", ~delivered | (events.beta < 1))
+        if access == "exclusive":
+            law("one uplink in the network", delivered.sum(-1) <= 1)
+        else:
+            law("nothing is spent for nothing", delivered | (events.spent_j == 0))
+        if self.scenario.duplex.kind == "fdd":
+            link = self.world.link
+            heard_cell = np.take_along_axis(after.node_cell, events.heard, 1)
+            price_j = link.slot_uplink_j[link.offset(after.cell, heard_cell)]
+            law("an uplink is paid", ~delivered | (payable_j > price_j))
+            hears = mask[..., -self.world.num_nodes :]
+            may = np.take_along_axis(hears, events.heard[..., None], 2)[..., 0]
+            law("what is masked could not have paid", may | ~delivered)
+
+    def _ages(self, before: Any, after: Any, events: Any) -> None:
+        world, oldest = self.world, self.scenario.age.maximum
+        served = after.deliveries > before.deliveries
+        expected = np.where(served, 1, np.minimum(before.age + 1, oldest))
+        law("ages rise by one or fall to one", after.age == expected)
+        law("ages lie between 1 and A_max", (after.age >= 1) & (after.age <= oldest))
+        close("the mean age", after.mean_age, after.age.mean(-1))
+        close("the sum of mean ages", after.age_sum, before.age_sum + after.mean_age)
+        law("the peak age", after.peak_age == np.maximum(before.peak_age, after.age.max(-1)))
+        total = after.deliveries.sum(-1)
+        jain = total**2 / np.maximum(world.num_nodes * (after.deliveries**2).sum(-1), 1)
+        close("Jain's index", after.jain, jain)
+        law("Jain's index lies in its range", (after.jain >= 0) & (after.jain <= 1 + 1e-12))
+
+    def _seen(self, state: Any) -> None:
+        observer = self.world.observer
+        pairs = [
+            (self.world.observe(state), observer.agent_ranges),
+            (observer.observe_globally(state), observer.state_ranges),
+            (
+                observer.observe_for_critic(state, central=True),
+                observer.critic_ranges(central=True),
+            ),
+        ]
+        for seen, ranges in pairs:
+            slack = 1e-9 * (1 + np.abs(ranges.high))
+            law("an observation lies in its range", seen >= ranges.low - slack)
+            law("an observation lies in its range", seen <= ranges.high + slack)
+        for name, values in self.world.metrics(state).items():
+            law(f"{name} is finite", np.isfinite(values))
+
+
+def masked_actions(world: World, mask: Any, rng: np.random.Generator) -> Any:
+    """An action that the mask allows for every AUV; of each entry any choice is as likely."""
+    entries = np.split(mask, np.cumsum(world.action_sizes)[:-1], axis=-1)
+    law("a mask leaves a choice", np.stack([entry.any(-1) for entry in entries]))
+    chosen = [(entry * rng.random(entry.shape, np.float32)).argmax(-1) for entry in entries]
+    return np.stack(chosen, axis=-1)
+
+
+class Permuted:
+    """The same environments with their nodes in another order."""
+
+    def __init__(self, world: World, layout: Any, envs: int, rng: np.random.Generator) -> None:
+        self.order = rng.permutation(world.num_nodes)
+        self.place = np.argsort(self.order)
+        scenario = world.scenario
+        if scenario.nodes.weights is not None:
+            weights = tuple(scenario.nodes.weights[i] for i in self.order)
+            nodes = scenario.nodes.model_copy(update={"weights": weights})
+            scenario = scenario.model_copy(update={"nodes": nodes})
+        self.world = World(scenario, envs)
+        self.state = self.world.reset(layout[:envs][:, self.order])
+
+    def compare(self, action: Any, after: Any, reward: Any) -> None:
+        """Play a slot, and compare it."""
+        envs = self.world.num_envs
+        own = action[:envs].copy()
+        own[..., 1:] = self.place[own[..., 1:]]
+        self.state, events = self.world.step(self.state, own)
+        law("permuted: cells", self.state.cell == after.cell[:envs])
+        law("permuted: ages", self.state.age == after.age[:envs][:, self.order])
+        close("permuted: energies", self.state.energy_j, after.energy_j[:envs][:, self.order])
+        scale = np.abs(reward[:envs]).max(initial=1.0)
+        close("permuted: rewards", self.world.reward(self.state, events), reward[:envs], scale)
+
+
+class Single:
+    """The first environment, played by PettingZoo's form."""
+
+    def __init__(self, scenario: Scenario, seed: int) -> None:
+        self.env = iout_v0.parallel_env(scenario)
+        self.env.reset(seed=seed)
+
+    def compare(self, action: Any, observation: Any, reward: Any, *, is_last: bool) -> None:
+        """Play a slot, and compare it."""
+        agents = self.env.agents
+        own = {agent: action[0, i] for i, agent in enumerate(agents)}
+        seen, rewards, _, truncations, infos = self.env.step(own)
+        for i, agent in enumerate(agents):
+            vector = seen[agent]
+            vector = vector["observation"] if isinstance(vector, dict) else vector
+            law("single: observations", vector == observation[0, i].astype(np.float32))
+            space = self.env.observation_space(agent)
+            law("single: observations lie in their space", space.contains(seen[agent]))
+            close("single: rewards", np.float64(rewards[agent]), reward[0, i], 1.0)
+            law("single: ends", truncations[agent] == is_last)
+            numbers = [v for v in infos[agent].values() if isinstance(v, float)]
+            law("single: infos are finite", np.isfinite(numbers))
+        law("single: the state lies in its space", self.env.state_space.contains(self.env.state()))
+
+
+def play_scenario(scenario: Scenario, num_envs: int, rng: np.random.Generator) -> int:
+    """An episode in every environment; how many slots that were.
+
+    In half of the environments every choice is one that the mask allows, in the others any.
+    """
+    world, seed = World(scenario, num_envs), int(rng.integers(2**31))
+    laws = Laws(world)
+    # Those after the first few take their layouts from one stream, which is faster.
+    few = [np.random.default_rng(seed + i) for i in range(min(num_envs, PERMUTED))]
+    streams = few + [few[-1]] * (num_envs - len(few))
+    is_fixed = isinstance(scenario.nodes, FixedNodes)
+    layout = node_codes(scenario, world.grid, few if is_fixed else streams)
+    layout = np.tile(layout[:1], (num_envs, 1)) if is_fixed else layout
+    state = world.reset(layout)
+    permuted = Permuted(world, layout, len(few), rng)
+    single = Single(scenario, seed)
+    laws.begin(state)
+    half = num_envs // 2
+    for slot in range(world.num_slots):
+        mask = world.action_mask(state)
+        shape = (num_envs, world.num_auvs)
+        action = np.stack([rng.integers(0, n, shape) for n in world.action_sizes], axis=-1)
+        # Charging and hearing one node by several AUVs is rare otherwise.
+        if slot % 3 == 0 and world.num_nodes > 1:
+            action[..., 1:] = np.minimum(action[..., 1:], 1)
+        action[half:] = masked_actions(world, mask[half:], rng)
+        after, events = world.step(state, action)
+        law("a masked move stays in the grid", ~events.left_grid[half:])
+        laws.slot(state, action, after, events, mask)
+        reward = world.reward(after, events)
+        permuted.compare(action, after, reward)
+        is_last = slot == world.num_slots - 1
+        single.compare(action, world.observe(after), reward, is_last=is_last)
+        state = after
+    return num_envs * world.num_slots
+
+
+def run(rng: np.random.Generator, cases: int) -> Tally:
+    """Play so many slots."""
+    tally, played, refused = Tally(), 0, 0
+    while played < cases and len(tally.faults) < 20:
+        name, settings = draw_settings(rng)
+        try:
+            scenario = load_scenario(name, settings)
+        except InputError:
+            # AUVs that find no room, say: they must not be all.
+            refused += 1
+            if refused > 50 + played:
+                tally.fault(settings, "most scenarios are refused")
+            continue
+        envs = cases // (FEWEST_SCENARIOS * scenario.num_slots)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                count = play_scenario(scenario, int(np.clip(envs, 4, MOST_ENVS)), rng)
+        except Exception as error:  # whatever it is, it is the fault that is looked for
+            tally.fault((name, settings), error)
+            continue
+        played += count
+        kind = settings["duplex"]["kind"]
+        tally.note(f"{kind}, {scenario.channel.access}", count)
+    return tally
+
+
+CAMPAIGN = Campaign("random slots", cases=20_000_000, short=20_000, run=run)
