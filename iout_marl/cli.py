@@ -143,7 +143,6 @@ def train(
     if steps is not None:
         settings.append(f"training.steps={steps}")
     loaded = load_scenario(scenario, settings)
-    _say_outlook(loaded)
     if resume is not None and out is not None and out != resume:
         raise InputError("--out and --resume name different folders; --resume goes on in its own")
     if resume is not None and seed is not None:
@@ -175,6 +174,7 @@ def train(
             use_graphs=graphs,
         )
     if group.rank == 0:
+        _say_outlook(loaded)
         _report(outcome, folder, scenario, settings, graphs=graphs)
 
 
@@ -241,7 +241,6 @@ def evaluate_command(
 ) -> None:
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
     loaded = load_scenario(scenario, overrides or [])
-    _say_outlook(loaded)
     names, starts = policy or list(BASELINES), planner_start or []
     loaded = with_layout_of_runs(loaded, [*names, *starts], transfer=transfer)
     planner = None
@@ -254,6 +253,7 @@ def evaluate_command(
         evaluate_named(loaded, name, episodes, seed, transfer=transfer, planner=planner)
         for name in names
     ]
+    _say_outlook(loaded)
     records = [r.to_json() for r in results]
     text = json.dumps(records[0] if len(records) == 1 else records, indent=2)
     if json_file is not None and str(json_file) == "-":
@@ -270,6 +270,7 @@ app.command()(report)
 
 
 def _say_outlook(scenario: Scenario) -> None:
+    """Beside results, on standard error: what is refused is answered by one line alone."""
     if outlook := energy_outlook(scenario):
         typer.echo(f"note: {outlook}", err=True)
 
