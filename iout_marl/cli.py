@@ -160,7 +160,6 @@ def train(
     if steps is not None:
         settings.append(f"training.steps={steps}")
     loaded = load_scenario(scenario, settings)
-    _say_outlook(loaded)
     if resume is not None and out is not None and out != resume:
         raise InputError("--out and --resume name different folders; --resume goes on in its own")
     if resume is not None and seed is not None:
@@ -193,6 +192,7 @@ def train(
             use_graphs=graphs,
         )
     if group.rank == 0:
+        _say_outlook(loaded)
         _report(outcome, folder, scenario, settings, graphs=graphs)
     if outcome.signal is not None:
         raise typer.Exit(128 + outcome.signal)
@@ -323,7 +323,6 @@ def evaluate_command(
 ) -> None:
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
     loaded = load_scenario(scenario, overrides or [])
-    _say_outlook(loaded)
     results, layouts = evaluate_all(
         loaded,
         policy or list(BASELINES),
@@ -334,6 +333,7 @@ def evaluate_command(
         transfer=transfer,
         sampled=sampled,
     )
+    _say_outlook(loaded)
     records = [result.to_json() for result in results]
     give_out(
         records[0] if len(records) == 1 else records,
@@ -348,6 +348,7 @@ app.command()(report)
 
 
 def _say_outlook(scenario: Scenario) -> None:
+    """Beside results, on standard error: what is refused is answered by one line alone."""
     if outlook := energy_outlook(scenario):
         complain(f"note: {outlook}")
 

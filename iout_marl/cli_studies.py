@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import os
 import shlex
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -18,6 +13,7 @@ from iout_marl import machine
 from iout_marl.cli_options import Overrides, expanded, file, folder, whole
 from iout_marl.errors import InputError
 from iout_marl.files import write_atomically, write_text
+from iout_marl.signals import Stopped, StopSignals
 from iout_marl.terminal import complain, present
 
 #: More than that only slow one another, and fill the memory.
@@ -91,7 +87,7 @@ def reproduce(
         "quick": quick,
     }
     try:
-        with _stop_signals():
+        with StopSignals(at_once=True) as stop:
             pool = (
                 LocalProcesses(jobs or machine.num_cores())
                 if scheduler is None
@@ -104,9 +100,9 @@ def reproduce(
                     quick=quick,
                 )
             lines = _written(folder.path, kept=True)
-    except _Stopped as stopped:
+    except Stopped:
         complain(f"\nstopped; what is finished stays. {go_on}")
-        raise typer.Exit(128 + stopped.number) from None
+        raise typer.Exit(128 + (stop.number or 0)) from None
     except LostClusterError as error:
         raise InputError(f"{error}; what is finished stays. {go_on}") from None
     present("\n".join(lines))
@@ -177,36 +173,3 @@ def _written(folder: Path, markdown: Path | None = None, *, kept: bool = False) 
         told = f"; the results are kept, write their report with: {once_more}" if kept else ""
         raise InputError(f"{error}{told}") from None
     return [*map(plain_text, built.lead), f"The report is {folder / 'report.html'}"]
-
-
-class _Stopped(KeyboardInterrupt):
-    """A signal has asked the study to end."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.number = number
-
-
-@contextmanager
-def _stop_signals() -> Iterator[None]:
-    """Raise `_Stopped` on a signal that asks to end; a second one ends the process at once.
-
-    One that is ignored stays so, as a hangup under `nohup`.
-    """
-    before: dict[int, Any] = {}
-
-    def stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
-        for each in before:
-            signal.signal(each, signal.SIG_DFL)
-        raise _Stopped(number)
-
-    try:
-        if threading.current_thread() is threading.main_thread():
-            for name in ("SIGHUP", "SIGINT", "SIGTERM"):
-                number = getattr(signal, name, None)  # not every system has all of them
-                if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
-                    before[number] = signal.signal(number, stop)
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

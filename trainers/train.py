@@ -21,6 +21,7 @@ from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.files import reason, user_path
 from iout_marl.scenario import Scenario, load_scenario, to_yaml
+from iout_marl.signals import Stopped, StopSignals
 from iout_marl.terminal import progress_console
 from trainers import saving
 from trainers.group import Group, LostProcessError
@@ -30,7 +31,6 @@ from trainers.occupied import occupied
 from trainers.ppo import Trainer
 from trainers.resuming import is_complete, resumed, runs_in
 from trainers.run_folder import RunFolder
-from trainers.signals import Stopped, StopSignals
 
 
 class DivergedError(InputError):

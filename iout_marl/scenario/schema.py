@@ -117,11 +117,12 @@ class Scenario(Section):
         ]
         if doubts:
             path, doubt = doubts[0]
-            keys = sorted({key_of(other) for other, _ in doubts})
-            others = [key for key in keys if key != key_of(path)]
-            also = f"; so is {', '.join(others)}" if others else ""
+            keys = {key_of(other) for other, _ in doubts}
+            others = ", ".join(sorted(keys - {key_of(path)}))
+            also = f"; so is {others}" if others else ""
+            allowed = ", ".join(sorted(keys | set(self.allow_implausible)))
             raise invalid(
-                path, f"{doubt}{also}; if it is meant, write allow_implausible: [{', '.join(keys)}]"
+                path, f"{doubt}{also}; if it is meant, write allow_implausible: [{allowed}]"
             )
 
     def _check_grid(self) -> None:

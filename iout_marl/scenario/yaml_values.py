@@ -81,7 +81,7 @@ class _Reader:
     def __init__(self, text: str, name: str, *, is_file: bool) -> None:
         self._text, self._name, self._is_file = text, name, is_file
         self._yaml = YAML(typ="safe", pure=True)
-        self._plain: dict[str, Any] = {}
+        self._by_text: dict[str, Any] = {}
         construct = self._yaml.constructor
         self._scalars = {
             f"{_TAG}null": lambda _: None,
@@ -219,10 +219,10 @@ class _Reader:
         value: str = event.value
         tag = event.tag
         if tag is None and event.style is None:
-            if value not in self._plain:
+            if value not in self._by_text:
                 resolved = self._yaml.resolver.resolve(ScalarNode, value, (True, False))
-                self._plain[value] = self._built(value, str(resolved), line)
-            return self._plain[value]
+                self._by_text[value] = self._built(value, str(resolved), line)
+            return self._by_text[value]
         if tag in (None, "!", _WORD):
             return value
         if tag not in self._scalars:

@@ -114,6 +114,7 @@ def test_train_and_evaluate(iout, tiny_settings, tmp_path):
     status, out, err = iout("train", "best/k3-fdd", *tiny_settings, "--out", "run", "--seed", 4)
     assert status == 0
     assert "the run is in run" in out
+    assert "note: energy can never bind: " in err
     assert "Traceback" not in err
     result = json.loads((tmp_path / "run/result.json").read_text())
     assert (result["seed"], result["evaluation"]["episodes"]) == (4, 1)

@@ -126,6 +126,9 @@ def test_what_is_allowed_in_a_file_is_allowed_over_it(tmp_path):
     assert load_scenario(path, {"charging.power_w": 2e9}).charging.power_w == 2e9
     with pytest.raises(InputError, match=r"usual are .*allow_implausible: \[charging\.power_w\]"):
         load_scenario(path, {"allow_implausible": []})
+    both = r"write allow_implausible: \[charging\.power_w, grid\.spacing_m\]"
+    with pytest.raises(InputError, match=both):
+        load_scenario(path, {"grid.spacing_m": 1e6})
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Signals that ask a training to end: it saves first."""
+"""Signals that ask a long piece of work to end: what is finished is kept first."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ class StopSignals:
 
     Args:
         catch: whether to catch them.
+        at_once: see below.
 
     Attributes:
         catch: whether they are.
@@ -29,11 +30,11 @@ class StopSignals:
         at_once: raise `Stopped` when one comes, rather than let the work find out.
     """
 
-    def __init__(self, *, catch: bool) -> None:
+    def __init__(self, *, catch: bool = True, at_once: bool = False) -> None:
         self.catch = catch
         self._before: dict[int, Any] = {}
         self.number: int | None = None
-        self.at_once = False
+        self.at_once = at_once
 
     def __enter__(self) -> Self:
         for name in NAMES if self.catch else ():
