@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from iout_marl.cli_options import JsonFile, Overrides, ScenarioArgument, expanded, whole
+from iout_marl.cli_options import JsonFile, Overrides, ScenarioArgument, expanded, give_out, whole
 from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
-from iout_marl.files import write_text
+from iout_marl.evaluation import Evaluation
 from iout_marl.scenario import RandomNodes, load_scenario
+from iout_marl.terminal import present
 from iout_marl.whole import MAX_SEED
+from iout_marl.words import counted
 from iout_marl.world import pin_layout
 
 if TYPE_CHECKING:
@@ -38,7 +39,9 @@ def bound_command(
     seconds: Annotated[
         float,
         typer.Option(
-            min=0, help="Time to search for a higher bound, about; policies and check come on top."
+            min=0,
+            help="Time to search for a higher bound. On top come the policies, some seconds each "
+            "that plans, and the check of what was found, mostly some seconds too.",
         ),
     ] = 60.0,
     seed: Annotated[
@@ -62,32 +65,28 @@ def bound_command(
     if seed is not None:
         loaded = pin_layout(loaded, seed)
     episodes = RANDOM_EPISODES if isinstance(loaded.nodes, RandomNodes) else 1
-    reached = {
-        name: evaluate_named(loaded, name, episodes, seed or 0, transfer=False)
-        .metrics["mean_aoi"]
-        .mean
-        for name in names
+    played = {
+        name: evaluate_named(loaded, name, episodes, seed or 0, transfer=False) for name in names
     }
+    reached = {name: found.metrics["mean_aoi"].mean for name, found in played.items()}
     found = bound(loaded, min(reached.values()), seconds)
     record = found.to_json() | {
         "policies": {
-            name: {"mean_aoi": mean_aoi, "gap_percent": found.gap_percent(mean_aoi)}
+            name: {
+                "mean_aoi": mean_aoi,
+                "gap_percent": found.gap_percent(mean_aoi),
+                "episodes": played[name].episodes,
+            }
             for name, mean_aoi in reached.items()
         }
     }
-    text = json.dumps(record, indent=2)
-    if json_file is not None and str(json_file) == "-":
-        typer.echo(text)
-        return
-    _print(found, reached, episodes, seed or 0)
-    if json_file is not None:
-        write_text(json_file, text)
+    give_out(record, json_file, lambda: _print(found, reached, _played(played, seed or 0)))
 
 
-def _print(found: Bound, reached: dict[str, float], episodes: int, seed: int) -> None:
-    from iout_marl.bounds import rounded_down
+def _print(found: Bound, reached: dict[str, float], played: str) -> None:
+    from iout_marl.bounds import percent_text, rounded_down
 
-    typer.echo(f"{found.scenario} ({found.scenario_hash}): mean AoI in slots; {found.validity}")
+    present(f"{found.scenario} ({found.scenario_hash}): mean AoI in slots; {found.validity}")
     table = Table()
     table.add_column("")
     table.add_column("mean AoI", justify="right")
@@ -99,11 +98,23 @@ def _print(found: Bound, reached: dict[str, float], episodes: int, seed: int) ->
         table.add_row("energy and travel bound", figure, "")
     table.add_section()
     best = min(reached, key=lambda name: reached[name])
+    gaps = {name: found.gap_percent(mean_aoi) for name, mean_aoi in reached.items()}
     for name, mean_aoi in reached.items():
         label = f"{name} (best known)" if name == best else name
-        table.add_row(label, f"{mean_aoi:.3f}", f"{found.gap_percent(mean_aoi):.1f} %")
-    Console(highlight=False).print(table)
-    typer.echo(
-        "The higher bound is verified in whole numbers. "
-        f"Episodes of each policy: {episodes}, the first of seed {seed}."
-    )
+        table.add_row(Text(label), f"{mean_aoi:.3f}", percent_text(gaps[name]))
+    present(table)
+    present(f"The higher bound is verified in whole numbers. {played}")
+    if below := [name for name, gap in gaps.items() if gap < 0]:
+        present(
+            f"{', '.join(below)}: below a verified bound, which no policy can be: a fault of this "
+            "program, which its authors want to hear of."
+        )
+
+
+def _played(played: dict[str, Evaluation], seed: int) -> str:
+    """How many episodes stand behind the figures of the policies."""
+    counts = {name: found.episodes for name, found in played.items()}
+    of_each = len(set(counts.values())) == 1
+    names = {"each policy": counts[STRONGEST[0]]} if of_each else counts
+    said = [f"{counted(n, 'episode')} of {name}" for name, n in names.items()]
+    return f"Played: {', '.join(said)}, from seed {seed} on."

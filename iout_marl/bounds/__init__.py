@@ -3,7 +3,14 @@
 The derivations stand in `docs/bounds.md`.
 """
 
-from iout_marl.bounds.bound import USUAL_SECONDS, Bound, bound, gap_percent, rounded_down
+from iout_marl.bounds.bound import (
+    USUAL_SECONDS,
+    Bound,
+    bound,
+    gap_percent,
+    percent_text,
+    rounded_down,
+)
 from iout_marl.bounds.certificate import Certificate, verified_age_sum
 from iout_marl.bounds.scheduling import delivery_bound, least_age_sum
 
@@ -15,6 +22,7 @@ __all__ = [
     "delivery_bound",
     "gap_percent",
     "least_age_sum",
+    "percent_text",
     "rounded_down",
     "verified_age_sum",
 ]

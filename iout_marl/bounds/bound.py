@@ -16,12 +16,14 @@ from iout_marl.bounds.opening import search
 from iout_marl.bounds.scheduling import least_age_sum
 from iout_marl.bounds.sharing import fits
 from iout_marl.errors import InputError
-from iout_marl.scenario import RandomNodes, Scenario, Tdd
+from iout_marl.scenario import RandomNodes, Scenario, Tdd, load_scenario
 
 #: How long a bound is searched for unless told otherwise.
 USUAL_SECONDS = 60.0
 #: What the search's floating-point sums of ages may be too high by; more than enough.
 ROUNDING_SLOTS = 0.5
+#: Gaps of so many percent are none: the digits of a mean of ages end there.
+ROUNDING_PERCENT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -73,24 +75,40 @@ def rounded_down(value: float, digits: int) -> str:
 
 
 def gap_percent(mean_aoi: float, of: float) -> float:
-    """How far a mean AoI lies above another or a bound, in percent of that."""
-    return 100 * (mean_aoi / of - 1)
+    """How far a mean AoI lies above another or a bound, in percent of that.
+
+    What is below it by no more than sums of floating-point numbers are rounded is not below.
+    """
+    gap = 100 * (mean_aoi / of - 1)
+    return 0.0 if abs(gap) < ROUNDING_PERCENT else gap
+
+
+def percent_text(gap: float) -> str:
+    """A gap as text: never −0.0, and never 0.0 where a policy lies below a bound."""
+    rounded = round(gap, 1) or (-0.1 if gap < 0 else 0.0)
+    return f"{rounded:.1f} %"
 
 
 def bound(
-    scenario: Scenario, best_known: float | None = None, seconds: float = USUAL_SECONDS
+    scenario: str | Scenario, best_known: float | None = None, seconds: float = USUAL_SECONDS
 ) -> Bound:
     """Bounds on the mean AoI of any policy, verified by `verified_age_sum`.
 
     Args:
-        scenario: the scenario.
+        scenario: a scenario, its name or its path.
         best_known: a mean AoI that some policy reaches, in slots: spares looking higher.
         seconds: time to search for: a step that has begun takes up to a second more. The check
             comes on top, and takes about as long again at most.
 
     Raises:
-        InputError: the scenario's ages are too large to be added up.
+        InputError: no such scenario, its ages are too large to be added up, or a number is out of
+            its range.
     """
+    if not seconds >= 0:
+        raise InputError(f"seconds must be 0 or more, not {seconds}")
+    if best_known is not None and not 0 < best_known < math.inf:
+        raise InputError(f"best_known must be a mean AoI above 0, not {best_known}")
+    scenario = load_scenario(scenario)
     deadline = time.monotonic() + seconds
     node_slots = scenario.num_nodes * scenario.num_slots
     scheduled = least_age_sum(scenario)

@@ -20,7 +20,7 @@ from iout_marl.bounds.prices import Prices
 from iout_marl.bounds.scheduling import MOST_AGE_SUM
 from iout_marl.bounds.sharing_check import proven_age_sum
 from iout_marl.errors import InputError, did_you_mean
-from iout_marl.scenario import Scenario, Tdd
+from iout_marl.scenario import Scenario, Tdd, load_scenario
 
 #: The fields of each kind in JSON.
 _CLAIM = ("kind", "world_hash", "age_sum")
@@ -171,11 +171,11 @@ def _checked_prices(prices: Any) -> Prices:
     )
 
 
-def verified_age_sum(scenario: Scenario, certificate: Certificate) -> int:
+def verified_age_sum(scenario: str | Scenario, certificate: Certificate) -> int:
     """The claim of a certificate, once it is found to hold.
 
     Args:
-        scenario: the scenario, which is trusted.
+        scenario: a scenario, its name or its path, which is trusted.
         certificate: the certificate, which is not.
 
     Raises:
@@ -187,7 +187,7 @@ def verified_age_sum(scenario: Scenario, certificate: Certificate) -> int:
             "certificate: must be a Certificate, as Certificate.from_json makes it, "
             f"not {untrusted.shown(certificate)}"
         )
-    certificate = certificate.checked()
+    scenario, certificate = load_scenario(scenario), certificate.checked()
     _check_is_for(scenario, certificate)
     claimed = certificate.age_sum
     start = np.full((1, scenario.num_nodes), scenario.age.initial, dtype=np.int64)

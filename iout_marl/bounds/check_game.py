@@ -28,7 +28,8 @@ Integers = npt.NDArray[np.int64]
 HARVEST_BITS = 60
 #: In units, more than any double-precision number of joules is.
 BEYOND = 2**2200
-#: What the world's floating-point sums may add in a slot, as a share of the energies.
+#: What the world's floating-point sums may add in a slot, as a share of the energies; as much
+#: again is left out where an energy is all but at a level.
 ROUNDING = Fraction(1, 10**11)
 #: What a certificate with levels is refused with where physics overflows.
 NOT_COUNTED = "certificate: levels_j: the scenario's energies are no numbers that can be counted"
@@ -117,7 +118,8 @@ class _Ladder(NamedTuple):
 
     units_per_j: Fraction  # a power of two
     levels: list[int]  # without the last
-    tolerance: int  # what the world's floating-point sums of an episode may add
+    slack: int  # what is left out in a slot
+    tolerance: int  # by how much a node may be richer than its level by the end of an episode
 
     @classmethod
     def of(cls, levels_j: tuple[float, ...], largest_j: float, num_slots: int) -> _Ladder:
@@ -126,10 +128,11 @@ class _Ladder(NamedTuple):
         A node on a level, not the last, has never had more than that and a harvest.
         """
         units_per_j = Fraction(2) ** (HARVEST_BITS - math.frexp(largest_j)[1] + 1)
-        ladder = cls(units_per_j, [], 0)
+        ladder = cls(units_per_j, [], 0, 0)
         levels = [ladder.down(level) for level in levels_j]
         most = levels[-1] + ladder.up(largest_j)
-        return cls(units_per_j, levels, int(num_slots * ROUNDING * most) + num_slots)
+        slack = int(ROUNDING * most) + 1
+        return cls(units_per_j, levels, slack, 2 * num_slots * slack)
 
     def down(self, energy_j: float) -> int:
         """Whole units, rounded down; what is infinite ends at more than any number."""
@@ -142,8 +145,8 @@ class _Ladder(NamedTuple):
         return -self.down(-energy_j)
 
     def at_least(self, energy: int) -> int:
-        """The lowest level that is not below."""
-        return bisect_left(self.levels, energy)
+        """The lowest level that is not below, or by no more than the slack."""
+        return bisect_left(self.levels, energy - self.slack)
 
 
 def _frequency_division(ladder: _Ladder, harvest_j: float, price_j: float) -> list[list[int]]:

@@ -41,9 +41,11 @@ def number(name: str, value: Any, least: float, most: float) -> float:
         InputError: it is something else: NaN, an infinity, a truth value, a text.
     """
     is_number = isinstance(value, (int, float, np.integer, np.floating))
-    # A whole number of Python's may be too large for a float: compared first, then converted.
-    if is_number and not isinstance(value, bool) and least <= value <= most:
-        return float(value)
+    if is_number and not isinstance(value, bool):
+        # A whole number of Python's may be too large for a float: compared first, then converted.
+        found = value if isinstance(value, int) else float(value)
+        if least <= found <= most:
+            return float(found)
     raise InputError(
         f"certificate: {name}: must be a number from {least:g} to {most:g}, not {shown(value)}"
     )

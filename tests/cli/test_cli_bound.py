@@ -1,11 +1,12 @@
 """The command that bounds what policies can reach."""
 
+import dataclasses
 import json
 
 import pytest
 
-from iout_marl import evaluate, load_scenario
-from iout_marl.bounds import delivery_bound
+from iout_marl import cli_bound, evaluate, load_scenario
+from iout_marl.bounds import bound, delivery_bound
 from iout_marl.world import pin_layout
 
 SHORT = ["--set", "episode.duration_s=150"]
@@ -31,6 +32,7 @@ def test_json_has_bounds_gaps_and_certificate(iout, tmp_path):
     assert record["policies"]["planner"] == {
         "mean_aoi": planned,
         "gap_percent": pytest.approx(100 * (planned / record["best"] - 1)),
+        "episodes": 1,
     }
     assert record["certificate"]["kind"] == "opening"
     assert record["certificate"]["age_sum"] == round(record["best"] * 18)
@@ -73,6 +75,7 @@ def test_random_nodes_have_the_bound_that_holds_and_no_other(iout, redraw, when)
         (["paper/k3-fd"], "no scenario 'paper/k3-fd'"),
         (["paper/k3-fdd", "--policy", "gredy"], "--policy gredy: neither a baseline nor"),
         (["paper/k3-fdd", "--seconds", "-1"], "Invalid value for '--seconds'"),
+        (["paper/k3-fdd", "--seconds", "nan"], "Invalid value for '--seconds'"),
         (["paper/k3-fdd", "--seconds", "long"], "Invalid value for '--seconds'"),
         (["paper/k3-fdd", "--set", "age.maximum=0"], "age.maximum: must be"),
     ],
@@ -90,3 +93,37 @@ def test_json_that_can_not_be_written(iout, refused):
     assert status == 2
     assert "scheduling bound" in out
     assert "cannot be written: " in err
+
+
+def test_json_is_there_whatever_becomes_of_the_table(iout, tmp_path, monkeypatch):
+    path = tmp_path / "bound.json"
+
+    def no_table(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(cli_bound, "_print", no_table)
+    status, _, err = iout("bound", "multi/m3-k10-fdd", *SHORT, "--json", path)
+    assert status == 2
+    assert "No space left" in err
+    assert json.loads(path.read_text())["certificate"]["kind"] == "scheduling"
+
+
+def test_policies_are_counted_one_by_one(iout):
+    words = ("bound", "paper/k3-fdd", *SHORT, "--seconds", 0)
+    assert "Played: 1 episode of each policy, from seed 0 on." in iout(*words)[1]
+    nodes = "nodes={kind: random, count: 2, redraw: episode}"
+    out = iout(*words, "--set", nodes, "--seed", 3)[1]
+    assert "Played: 20 episodes of each policy, from seed 3 on." in out
+
+
+@pytest.mark.parametrize(("off", "text"), [(1e-15, "0.0 %"), (1e-4, "-0.1 %"), (0.3, "-30.0 %")])
+def test_a_policy_below_a_bound_is_an_alarm_and_rounding_is_none(iout, monkeypatch, off, text):
+    def too_high(scenario, best_known, seconds):
+        found = bound(scenario, seconds=0)
+        return dataclasses.replace(found, energy_and_travel=best_known / (1 - off))
+
+    monkeypatch.setattr("iout_marl.bounds.bound", too_high)
+    out = iout("bound", "paper/k3-fdd", *SHORT)[1]
+    assert text in out
+    assert "-0.0" not in out
+    assert ("planner: below a verified bound" in out) == (off > 1e-10)
