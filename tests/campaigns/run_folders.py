@@ -20,7 +20,7 @@ from tiny_study import TINY
 
 from campaigns.campaign import Campaign, Tally
 from iout_marl import InputError, evaluate, load_scenario
-from trainers import saving, train
+from trainers import DivergedError, saving, train
 from trainers.loading import load_run
 
 SEED = 3
@@ -281,7 +281,7 @@ def _read(rng, name, folder, tally, case):
     except InputError as error:
         if not str(error).isprintable():
             tally.fault(case, "refused in more than one line")
-        elif _contents(folder / name) != before:
+        elif not isinstance(error, DivergedError) and _contents(folder / name) != before:
             tally.fault(case, "the refusal has changed the folder")
         else:
             tally.note("resuming refused" if resumes else "evaluation refused")

@@ -236,6 +236,17 @@ class TestWeights:
         message = self.change(lone, lambda w: w.update({"critic.0.bias": torch.zeros(9)}))
         assert "'critic.0.bias' is a tensor of torch.float32, shape (9,), not of" in message
 
+    def test_that_are_finite_and_lead_to_what_is_not(self, lone, tiny):
+        (lone / "run.json").unlink()
+        path = lone / "policy.safetensors"
+        weights = safetensors.torch.load_file(path)
+        for tensor in weights.values():
+            tensor.fill_(3e38)
+        safetensors.torch.save_file(weights, path)
+        run, scenario = load_run(lone, tiny(), transfer=False)
+        with pytest.raises(InputError, match="its weights lead to numbers that are not finite"):
+            evaluate(scenario, run.load_policy(), 1)
+
     def test_too_few(self, lone):
         assert "lacks 'actor.0.bias'" in self.change(lone, lambda w: w.pop("actor.0.bias"))
 
