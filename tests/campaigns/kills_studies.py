@@ -184,8 +184,10 @@ class Disturbed:
         wait_for(lambda: not any(child.is_running() for child in children))
         self._check_left()
         if had_begun:
-            assert status in (0, 128 + number), f"signal {number}: exit status {status}"
             assert "Traceback" not in self.told(), "a traceback"
+            if status == -number and (self.out / "report.md").exists():
+                return  # all was done: the signal had its usual effect
+            assert status in (0, 128 + number), f"signal {number}: exit status {status}"
             assert status == 0 or "Go on with: iout reproduce" in self.told(), "no hint"
 
     def _kill_worker(self):
@@ -232,4 +234,4 @@ def is_worker(process):
         return False
 
 
-CAMPAIGN = Campaign("killed studies", cases=50, short=2, run=run)
+CAMPAIGN = Campaign("killed studies", cases=50, short=1, run=run)
