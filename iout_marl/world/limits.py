@@ -15,7 +15,7 @@ import numpy as np
 
 from iout_marl.errors import InputError
 from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
-from iout_marl.scenario import MeanAgeReward, Scenario
+from iout_marl.scenario import MeanAgeReward, PaperChannel, Scenario
 
 #: Where distances in m and powers of uplinks in W stop.
 FARTHEST_M = 1e30
@@ -66,7 +66,7 @@ def check_scenario(scenario: Scenario) -> None:
     ):
         if not _FROM <= value <= _TO:
             raise InputError(f"{key} must lie between {_FROM:g} and {_TO:g}, not {value:g}")
-    bounds = _reward_bounds(scenario)
+    bounds = reward_bounds(scenario)
     total = sum(bounds.values()) * scenario.num_slots
     if not total <= MOST_REWARD:
         key = max(bounds, key=lambda key: bounds[key])
@@ -90,7 +90,7 @@ def check_link(scenario: Scenario, harvested_w: float, tables: dict[str, Any]) -
     most_j = harvested_w * scenario.slot_s * scenario.num_slots * scenario.num_auvs
     if most_j > MOST_J or harvested_w > MOST_W:
         raise InputError(
-            f"harvester.sensitivity_db, charging.directivity_index_db and the like: a node would "
+            f"{_loudest(scenario)}: a node would "
             f"harvest {harvested_w:.3g} W and {most_j:.3g} J in an episode; "
             f"no more than {MOST_J:g} can be reckoned with"
         )
@@ -101,7 +101,21 @@ def check_link(scenario: Scenario, harvested_w: float, tables: dict[str, Any]) -
             )
 
 
-def _reward_bounds(scenario: Scenario) -> dict[str, float]:
+def _loudest(scenario: Scenario) -> str:
+    """The key that makes the most of what is harvested, in dB."""
+    charging, harvester, channel = scenario.charging, scenario.harvester, scenario.channel
+    shares_db = {
+        "harvester.sensitivity_db": harvester.sensitivity_db,
+        "harvester.load_resistance_ohm": -10 * math.log10(harvester.load_resistance_ohm),
+        "charging.directivity_index_db": charging.directivity_index_db,
+        "charging.power_w": 10 * math.log10(charging.power_w),
+    }
+    if isinstance(channel, PaperChannel):
+        shares_db["channel.noise_level_db"] = -channel.noise_level_db
+    return max(shares_db, key=lambda key: shares_db[key])
+
+
+def reward_bounds(scenario: Scenario) -> dict[str, float]:
     """By key: how large it can make the reward of a slot."""
     oldest = min(scenario.age.maximum, scenario.age.initial + scenario.num_slots)
     mean_age = oldest * (math.fsum(w / scenario.num_nodes for w in scenario.node_weights))

@@ -13,7 +13,7 @@ from iout_marl import iout_v0
 from iout_marl.errors import InputError
 from iout_marl.scenario import FixedNodes, Scenario, load_scenario
 from iout_marl.world import World, node_codes
-from iout_marl.world.limits import _reward_bounds
+from iout_marl.world.limits import reward_bounds
 
 #: Environments of a batch, at most, and scenarios that a short campaign sees at least.
 MOST_ENVS, FEWEST_SCENARIOS = 4096, 8
@@ -48,7 +48,7 @@ class Laws:
         self.is_cell = np.zeros(world.grid.num_codes, dtype=bool)
         self.is_cell[world.grid.encode(world.grid.all_coordinates())] = True
         self.env = np.arange(world.num_envs)[:, None]
-        self.bound = sum(_reward_bounds(world.scenario).values())
+        self.bound = sum(reward_bounds(world.scenario).values())
         self.one_cell = world.grid.num_cells == 1
         self.pairs = np.triu_indices(world.num_auvs, 1)
 

@@ -25,6 +25,10 @@ WORLDS = {
             "reward.no_able_node_penalty": 1.0,
         },
     ),
+    "disturbed-by-charging": (
+        "best/k5-tdd",
+        {"auvs.count": 3, "channel.access": "interference"},
+    ),
     "limited-views-and-difference-rewards": (
         "best/k5-fdd",
         {
