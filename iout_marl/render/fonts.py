@@ -13,7 +13,6 @@ _UNFIT = ("Last Resort", "cmb10", "cmex10", "cmmi10", "cmr10", "cmss10", "cmsy10
 _MISSING = "\N{REPLACEMENT CHARACTER}"
 
 
-@lru_cache(maxsize=64)
 def fonts_for(text: str) -> tuple[tuple[str, ...], Mapping[int, str]]:
     """Families that together have the characters of a text.
 
@@ -21,9 +20,17 @@ def fonts_for(text: str) -> tuple[tuple[str, ...], Mapping[int, str]]:
         the families, the usual one first; and for `str.translate`, what to draw instead of
         characters that no installed font has: nothing for signs without a shape of their own.
     """
+    from matplotlib import font_manager
+
+    # A user may have added some meanwhile.
+    return _fonts_for(text, len(font_manager.fontManager.ttflist))
+
+
+@lru_cache(maxsize=64)
+def _fonts_for(text: str, known: int) -> tuple[tuple[str, ...], Mapping[int, str]]:
     lacking = set(map(ord, text)) - _characters(USUAL)
     families = [USUAL]
-    for family in _families() if lacking else ():
+    for family in _families(known) if lacking else ():
         found = lacking & _characters(family)
         if found:
             families.append(family)
@@ -39,7 +46,7 @@ def _instead_of(code: int) -> str:
 
 
 @lru_cache(maxsize=1)
-def _families() -> tuple[str, ...]:
+def _families(known: int) -> tuple[str, ...]:  # noqa: ARG001  (what is kept is of so many fonts)
     """Installed families, those that are made to go with others first."""
     from matplotlib import font_manager
 

@@ -29,6 +29,10 @@ class _Texts:
             self._used.add(made)
         return self._made[text]
 
+    def name(self, text: str) -> str:
+        """The same of a name, which cannot be blank."""
+        return self(text if text.strip() else "(no name)")
+
 
 def take_in(results: Results) -> Results:
     """The results that a report shows.
@@ -41,7 +45,7 @@ def take_in(results: Results) -> Results:
     cells, failures = [], []
     for cell in results.cells:
         mixed = cell.record.is_bound and cell.series in policies
-        series = data(f"{cell.series} (bound)" if mixed else cell.series)
+        series = data.name(f"{cell.series} (bound)" if mixed else cell.series)
         fault = _fault(cell)
         if fault is None:
             changes = {"series": series, "group": data(cell.group)}
@@ -51,7 +55,9 @@ def take_in(results: Results) -> Results:
                 Failure(series=series, axis=cell.axis, seed=cell.record.seed, error=fault)
             )
     failures += [
-        failure.model_copy(update={"series": data(failure.series), "error": data(failure.error)})
+        failure.model_copy(
+            update={"series": data.name(failure.series), "error": data(failure.error)}
+        )
         for failure in results.failures
     ]
     axis = {"key": data(results.axis.key), "label": data(results.axis.label)}

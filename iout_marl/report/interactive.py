@@ -12,15 +12,17 @@ from typing import Any
 from iout_marl.files import to_json
 from iout_marl.report import palette
 from iout_marl.report.content import Figure, Plot
-from iout_marl.report.markup import plotly_text
+from iout_marl.report.markup import plotly_template, plotly_text
 from iout_marl.report.measures import place_text
 from iout_marl.report.series import (
     LONGEST_NAME,
-    LONGEST_TITLE,
     Series,
+    is_drawn,
     is_log_x,
     lay_out,
+    name_lines,
     ticks,
+    title_lines,
     x_limits,
     y_limits,
 )
@@ -77,7 +79,7 @@ def _draw_plot(plot: Plot) -> tuple[list[dict[str, Any]], dict[str, Any]]:
 
 def _axis(title: str, limits: tuple[float, float] | None) -> dict[str, Any]:
     axis: dict[str, Any] = {
-        "title": {"text": plotly_text(title, LONGEST_TITLE), "standoff": 10},
+        "title": {"text": "<br>".join(map(plotly_text, title_lines(title))), "standoff": 10},
         "automargin": True,
         "zeroline": False,
         "showline": True,
@@ -95,7 +97,7 @@ def _log_axis(
     axis = _axis(title, None) | {"type": "log", "exponentformat": "power"}
     if limits is not None:
         axis["range"] = [math.log10(end) for end in limits]
-    exponents = axis.get("range") or [math.log10(value) for value in values if value > 0]
+    exponents = axis.get("range") or [math.log10(value) for value in values if is_drawn(value)]
     decades = max(exponents, default=0.0) - min(exponents, default=0.0)
     if decades > 2:  # below that, Plotly labels steps within a decade, too
         axis["dtick"] = math.ceil(decades / 8)
@@ -124,7 +126,7 @@ def _x_axis(plot: Plot) -> dict[str, Any]:
 
 
 def _entry(series: Series) -> dict[str, Any]:
-    name = plotly_text(series.line.name, LONGEST_NAME)
+    name = "<br>".join(map(plotly_text, name_lines(series.line.name)))
     # By its own name: two that are cut short alike are two.
     return {"name": name, "legendgroup": series.group, "showlegend": series.in_legend}
 
@@ -138,7 +140,7 @@ def _hover(plot: Plot, series: Series) -> dict[str, Any]:
             text += f"  [{line.low[i]:.4g}, {line.high[i]:.4g}]"
         points.append([place_text(x) if plot.at_places else f"{x:g}", text])
     name, across, along = (
-        plotly_text(text, LONGEST_NAME) for text in (line.name, plot.x_label, plot.y_label)
+        plotly_template(text, LONGEST_NAME) for text in (line.name, plot.x_label, plot.y_label)
     )
     template = (
         f"<b>{name}</b><br>{across}: %{{customdata[0]}}<br>{along}: %{{customdata[1]}}"

@@ -66,9 +66,13 @@ def json_script(text: str) -> Markup:
 
 
 def plotly_text(text: str, length: int | None = None) -> str:
-    """A text for Plotly, which reads tags, entities and `%{...}`."""
-    text = escape(plain_text(text, length), quote=False)
-    return text.replace("%{", "%\N{WORD JOINER}{")
+    """A text for Plotly, which reads tags and entities."""
+    return escape(plain_text(text, length), quote=False)
+
+
+def plotly_template(text: str, length: int | None = None) -> str:
+    """A text within a template of Plotly's, which reads `%{...}` as well."""
+    return plotly_text(text, length).replace("%{", "%\N{WORD JOINER}{")
 
 
 def markdown_text(text: str) -> str:

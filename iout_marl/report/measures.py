@@ -146,6 +146,8 @@ def metric(measured: Measured | None, name: str) -> str:
 
 def place_text(place: float) -> str:
     """A place on the axis: `3`, `0.5`, `2,304,000`."""
+    if not math.isfinite(place):
+        return "–"
     return f"{place:,.12g}".removeprefix("-" if place == 0 else "")
 
 

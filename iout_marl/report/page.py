@@ -14,7 +14,7 @@ from markupsafe import Markup
 from iout_marl.report.content import Answers, Figure, Plot, Report, Table, Trajectory, Verdict
 from iout_marl.report.interactive import plotly_json
 from iout_marl.report.markup import html_cell, html_text, json_script, plain_text
-from iout_marl.report.series import legend
+from iout_marl.report.series import legend, name_lines
 from iout_marl.report.static import draw
 
 #: In words of a class name, and with a sign, so that no verdict is told by colour alone.
@@ -73,7 +73,7 @@ def render_page(report: Report, pictures: Mapping[str, bytes] | None = None) -> 
         data={f.key: json_script(plotly_json(f)) for f in report.figures()},
         pictures={key: _data_uri(svg) for key, svg in pictures.items()},
         alt={figure.key: _alternative(figure) for figure in report.figures()},
-        entries={figure.key: _legend_entries(figure) for figure in report.figures()},
+        entries={figure.key: _legend_lines(figure) for figure in report.figures()},
     )
 
 
@@ -124,7 +124,7 @@ def _alternative(figure: Figure) -> str:
     )
 
 
-def _legend_entries(figure: Figure) -> int:
+def _legend_lines(figure: Figure) -> int:
     if isinstance(figure, Trajectory):
         return 7
-    return len(legend(figure))
+    return sum(len(name_lines(figure.lines[i].name)) for i in legend(figure))

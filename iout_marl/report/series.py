@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 
+from rich.cells import cell_len
+
 from iout_marl.report import palette
 from iout_marl.report.content import Line, Plot
+from iout_marl.report.markup import plain_text
 from iout_marl.report.measures import place_text
 
-#: Columns at which a name in a legend and the title of an axis are cut short.
-LONGEST_NAME, LONGEST_TITLE = 60, 80
+#: Columns at which a name in a legend and the title of an axis are cut short, and those of a line.
+LONGEST_NAME, NAME_LINE = 60, 34
+LONGEST_TITLE, TITLE_LINE = 80, 44
 
 _MOST_ENTRIES = 60  # of a legend
 _BAND_FROM = 13  # points from which intervals are a band, not bars
 _MOST_TICKS = 24
 _MOST_LETTERS = 90  # of labels beside one another below an axis
 _NO_DATA = (1.0, 10.0)  # a logarithmic axis without any
-_LARGEST = 1e150  # beyond which nothing is drawn: squares must be numbers
-_SMALLEST = 1e-150
+_LARGEST = 1e60  # beyond which nothing is drawn: sums of squares must be numbers
+_SMALLEST = 1e-60
 
 
 @dataclass(frozen=True)
@@ -94,9 +99,30 @@ def lay_out(plot: Plot) -> list[Series]:
     return laid_out
 
 
+def name_lines(text: str) -> list[str]:
+    """A name as the legend of a page shows it, on so many lines that a phone has room."""
+    return _lines(plain_text(text, LONGEST_NAME), NAME_LINE)
+
+
+def title_lines(text: str) -> list[str]:
+    """The title of an axis, on so many lines that the axis is as long."""
+    return _lines(plain_text(text, LONGEST_TITLE), TITLE_LINE)
+
+
+def _lines(text: str, columns: int) -> list[str]:
+    # Letters that take two columns each.
+    wide = cell_len(text) > 1.5 * len(text)
+    return textwrap.wrap(text, columns // 2 if wide else columns) or [""]
+
+
 def legend(plot: Plot) -> list[int]:
     """Which lines have an entry in the legend: the first of them, if there are very many."""
     return [i for i, line in enumerate(plot.lines) if line.in_legend][:_MOST_ENTRIES]
+
+
+def is_drawn(value: float) -> bool:
+    """Whether a value has a place on a logarithmic axis."""
+    return _SMALLEST <= value <= _LARGEST
 
 
 def _drawn(value: float) -> float:
@@ -117,7 +143,7 @@ def positions(plot: Plot) -> Callable[[float], float]:
     nearest = min((abs(x) for x in _values(plot) if abs(x) >= _SMALLEST), default=1.0)
 
     def position(x: float) -> float:
-        if abs(x) < nearest or not math.isfinite(x):
+        if abs(x) < nearest or math.isnan(_drawn(x)):
             return 0.0 if abs(x) < nearest else math.nan
         return math.copysign(1 + math.log10(abs(x) / nearest), x)
 
@@ -161,7 +187,7 @@ def ticks(plot: Plot) -> tuple[list[float], list[str]]:
 def smallest_value(plot: Plot) -> float:
     """The smallest value above 0 of y and its intervals; 1 if there is none."""
     values = (value for line in plot.lines for part in (line.y, line.low) for value in part)
-    return min((value for value in values if _SMALLEST <= value <= _LARGEST), default=1.0)
+    return min((value for value in values if is_drawn(value)), default=1.0)
 
 
 def x_limits(plot: Plot) -> tuple[float, float] | None:
@@ -173,8 +199,8 @@ def x_limits(plot: Plot) -> tuple[float, float] | None:
     if plot.x_range is not None or not plot.log_x:
         return plot.x_range
     points = (point for line in plot.lines for point in zip(line.x, line.y, strict=True))
-    is_drawn = (x > 0 and (y > 0 if plot.log_y else not math.isnan(y)) for x, y in points)
-    return None if any(is_drawn) else _NO_DATA
+    seen = (is_drawn(x) and (is_drawn(y) if plot.log_y else y == y) for x, y in points)
+    return None if any(seen) else _NO_DATA
 
 
 def _around_places(plot: Plot) -> tuple[float, float] | None:
@@ -196,12 +222,13 @@ def y_limits(plot: Plot) -> tuple[float, float] | None:
     A bar on a logarithmic axis has no natural foot: it stands on the power of ten below
     the smallest value.
     """
-    if plot.y_range is not None or not plot.log_y:
-        return plot.y_range
+    if plot.y_range is not None:
+        low, high = (min(max(end, -_LARGEST), _LARGEST) for end in plot.y_range)
+        return low, high
+    if not plot.log_y:
+        return None
     parts = [part for line in plot.lines for part in (line.y, line.high)]
-    highest = max(
-        (value for part in parts for value in part if _SMALLEST <= value <= _LARGEST), default=None
-    )
+    highest = max((value for part in parts for value in part if is_drawn(value)), default=None)
     if highest is None:
         return _NO_DATA
     if plot.kind == "bars":

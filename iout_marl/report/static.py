@@ -16,12 +16,12 @@ from iout_marl.report.content import Figure, Plot, Trajectory
 from iout_marl.report.markup import plain_text
 from iout_marl.report.series import (
     LONGEST_NAME,
-    LONGEST_TITLE,
     Series,
     is_log_x,
     lay_out,
     legend,
     ticks,
+    title_lines,
     x_limits,
     y_limits,
 )
@@ -70,7 +70,7 @@ def _words(figure: Figure) -> str:
     """All that a user has named and that is drawn."""
     if isinstance(figure, Trajectory):
         return ""
-    titles = (plain_text(title, LONGEST_TITLE) for title in (figure.x_label, figure.y_label))
+    titles = title_lines(figure.x_label) + title_lines(figure.y_label)
     names = (plain_text(figure.lines[i].name, LONGEST_NAME) for i in legend(figure))
     return "".join([*titles, *names])
 
@@ -177,8 +177,8 @@ def _bar_look(series: Series) -> dict[str, Any]:
 def _set_axes(axes: Any, plot: Plot, replaced: Mapping[int, str]) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-    axes.set_xlabel(plain_text(plot.x_label, LONGEST_TITLE).translate(replaced))
-    axes.set_ylabel(plain_text(plot.y_label, LONGEST_TITLE).translate(replaced))
+    axes.set_xlabel("\n".join(title_lines(plot.x_label)).translate(replaced))
+    axes.set_ylabel("\n".join(title_lines(plot.y_label)).translate(replaced))
     axes.grid(axis="y" if plot.categories else "both")
     axes.spines[["top", "right"]].set_visible(False)
     # Before the scales, which look for data where no limits are set.
@@ -190,7 +190,7 @@ def _set_axes(axes: Any, plot: Plot, replaced: Mapping[int, str]) -> None:
             continue
         getattr(axes, f"set_{axis}scale")("log", nonpositive="clip")
         ends = getattr(axes, f"get_{axis}lim")()
-        few = ends[1] / ends[0] < 100
+        few = math.log10(ends[1]) - math.log10(ends[0]) < 2
         ruler = getattr(axes, f"{axis}axis")
         ruler.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
         # matplotlib's own powers of ten are formulas.
@@ -216,18 +216,18 @@ def _draw_trajectory(trajectory: Trajectory) -> matplotlib.figure.Figure:
 
     path = trajectory.path
     steps = [path[i : i + 2] for i in range(len(path) - 1)]
-    axes.add_collection3d(
-        Line3DCollection(
-            steps, colors=colours([i / slots for i in range(len(steps))]), linewidths=1.8
-        )
-    )
+    if steps:
+        shades = colours([i / slots for i in range(len(steps))])
+        axes.add_collection3d(Line3DCollection(steps, colors=shades, linewidths=1.8))
     for chosen, colour in (
         (trajectory.charged, palette.CHARGED),
         (trajectory.heard, palette.HEARD),
     ):
         pairs = zip(path[1:], chosen, strict=True)
         links = [(cell, trajectory.nodes[node - 1]) for cell, node in pairs if node]
-        axes.add_collection3d(Line3DCollection(links, colors=colour, linewidths=0.6, alpha=0.35))
+        if links:
+            thin = Line3DCollection(links, colors=colour, linewidths=0.6, alpha=0.35)
+            axes.add_collection3d(thin)
     marks = {"depthshade": False, "zorder": 5}
     done = [
         (cell, ok)

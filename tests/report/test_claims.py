@@ -7,10 +7,22 @@ import pytest
 from fake_results import paper_like
 from scipy import stats
 
+from iout_marl.evaluation import Estimate
 from iout_marl.report import link_figures
+from iout_marl.report.build import build_report
 from iout_marl.report.checks import Check, Finding, verdict
-from iout_marl.report.claims import CHECKS, answers
-from iout_marl.report.measures import difference, duration, number, reduction
+from iout_marl.report.claims import CHECKS, COMPUTED, answers
+from iout_marl.report.markdown import render_markdown
+from iout_marl.report.measures import (
+    counted,
+    difference,
+    duration,
+    fixed,
+    number,
+    percent,
+    reduction,
+)
+from iout_marl.report.page import render_page
 from iout_marl.report.sources import claims
 from iout_marl.study.results import Measured
 
@@ -68,6 +80,36 @@ def test_single_values_have_a_reduction_without_an_interval():
     assert estimate.mean == pytest.approx(0.4)
     assert math.isnan(estimate.low)
     assert number(estimate, 2) == "0.40"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(-0.0, "0.0"), (-0.04, "0.0"), (-0.06, "-0.1"), (2e13, "2.000e+13"), (math.inf, "–")],
+)
+def test_numbers_are_written_without_a_sign_of_nothing(value, text):
+    assert fixed(value, 1) == text
+
+
+def test_an_interval_is_told_only_where_there_is_one():
+    assert number(Estimate(3.0, 3.0, 3.0), 1) == "3.0"
+    assert number(Estimate(3.0, math.nan, math.nan), 1, "kJ") == "3.0\N{NO-BREAK SPACE}kJ"
+    assert number(Estimate(3.0, 2.96, math.inf), 1) == "3.0"
+    assert number(Estimate(3.0, 2.9, 3.1), 1) == "3.0 (2.9 to 3.1)"
+    assert percent(Estimate(-0.0004, -0.01, 0.01)).startswith("0.0\N{NO-BREAK SPACE}%")
+
+
+@pytest.mark.parametrize(("count", "text"), [(0, "0 runs"), (1, "1 run"), (2000, "2,000 runs")])
+def test_one_is_not_several(count, text):
+    assert counted(count, "run") == text
+
+
+@pytest.mark.parametrize("samples", [(0.0,), (0.0, 0.0), (0.0, 5e-324), (1e308, 1e308, -1e308)])
+def test_ratios_of_nothing_and_of_everything_are_none_or_numbers(samples):
+    whole = Measured((4.0, 5.0), "seeds")
+    for a, b in ((whole, Measured(samples, "seeds")), (Measured(samples, "seeds"), whole)):
+        for found in (reduction(a, b), difference(a, b)):
+            assert isinstance(number(found, 2), str)
+    assert math.isnan(reduction(whole, Measured((0.0, 0.0), "seeds")).mean)
 
 
 @pytest.mark.parametrize(
@@ -154,6 +196,44 @@ def test_one_seed_of_one_episode_is_judged_by_its_value():
     found = answer(paper_like(change), "aoi-fdd")
     assert found.verdict == "reproduced"
     assert all("to" not in line.partition(": ")[2] for line in found.measured)
+
+
+def one_seed(name, place, seed, metrics):
+    return {k: v[:1] for k, v in metrics.items()} if seed == 0 else None
+
+
+@pytest.fixture(scope="module")
+def quick():
+    return paper_like(one_seed).model_copy(update={"quick": True})
+
+
+def test_verdicts_of_the_short_form_are_provisional_but_for_what_is_computed(quick):
+    found = answers(quick).answers
+    assert {a.claim for a in found if not a.provisional} == COMPUTED
+    assert all(a.judged == f"{a.verdict}, provisionally" for a in found if a.provisional)
+    assert not any(a.provisional for a in answers(paper_like()).answers)
+
+
+def test_one_training_cannot_tell_what_training_costs(quick):
+    for made in (quick, paper_like(one_seed), paper_like().model_copy(update={"quick": True})):
+        found = answer(made, "cost-tdd")
+        assert found.verdict == "left open"
+        assert found.explanation
+        assert "✓" not in "".join(found.measured)
+
+
+def test_page_markdown_and_lead_say_that_verdicts_are_provisional(quick):
+    report = build_report(quick)
+    assert "claims, provisionally: " in report.lead[1]
+    assert "provisional" in " ".join(report.lead[2:-2])
+    assert report.lead[-1].startswith("FDD: provisionally (one seed), ")
+    text = render_markdown(report, "figures")
+    assert "| **reproduced, provisionally** |" in text
+    assert "### cost-tdd: left open, provisionally" in text
+    page = render_page(report, {figure.key: b"" for figure in report.figures()})
+    assert "</span> reproduced, provisionally</span>" in page
+    whole = render_markdown(build_report(paper_like()), "figures")
+    assert "provisional" not in whole
 
 
 def test_a_series_that_was_not_run_is_not_counted_as_reproduced():

@@ -6,23 +6,28 @@ import itertools
 import json
 import math
 import re
+import resource
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from html import escape
 from itertools import pairwise
 
 import numpy as np
+import plotly.graph_objects as go
 import pytest
+from fake_results import record, results
 from PIL import Image
 from report_sample import BARS, FIGURES, LOG, LOG_BARS, NODES, SAMPLE, TRAINING, TRAJECTORY
 
 from iout_marl.errors import InputError
+from iout_marl.files import parse_json
 from iout_marl.report import palette
 from iout_marl.report.content import Line, Report, Section, to_csv
 from iout_marl.report.interactive import plotly_json
 from iout_marl.report.page import render_page
 from iout_marl.report.series import lay_out, ticks, y_limits
 from iout_marl.report.static import draw
+from iout_marl.report.study_figures import metric_figure
 from iout_marl.report.writer import write_report
 
 each_figure = pytest.mark.parametrize("figure", FIGURES, ids=lambda figure: figure.key)
@@ -100,6 +105,57 @@ def test_categories_are_equally_spaced_whatever_their_values():
         assert abs(one.x[0]) < 0.2
 
 
+def over(places, **changes):
+    """A figure of a study whose axis has these places."""
+    made = {name: record("greedy", 3, 0, {"mean_aoi": [3.0, 4.0]}) for name in ("one", "other")}
+    cells = [("g", name, place, one) for name, one in made.items() for place in places]
+    made = results(cells, report="plain").model_copy(update=changes)
+    return metric_figure(made, "key", "Title", "mean_aoi", ["one", "other"])
+
+
+def test_an_axis_of_numbers_is_one():
+    plot = over([0.5, 1, 10])
+    assert not plot.categories
+    for trace in traces(plot, mode="lines+markers"):
+        assert trace["x"] == [0.5, 1, 10]
+    axis = layout(plot)["xaxis"]
+    assert "type" not in axis
+    assert (axis["tickvals"], axis["ticktext"]) == ([0.5, 1, 10], ["0.5", "1", "10"])
+    assert axis["range"][0] < 0.5
+    assert axis["range"][1] > 10
+
+
+def test_an_axis_of_more_than_two_decades_is_logarithmic():
+    plot = over([0.01, 1, 2000])
+    axis = layout(plot)["xaxis"]
+    assert axis["type"] == "log"
+    assert axis["ticktext"] == ["0.01", "1", "2,000"]
+    assert traces(plot)[0]["x"] == [0.01, 1, 2000]
+    assert layout(over([1, 100]))["xaxis"].get("type") != "log"
+
+
+def test_a_logarithmic_axis_with_zero_or_less_shows_it_too():
+    plot = over([-100, 0, 0.5, 500])
+    x = traces(plot)[0]["x"]
+    assert x == sorted(set(x))
+    assert x[1] == 0
+    assert layout(plot)["xaxis"]["ticktext"] == ["-100", "0", "0.5", "500"]
+
+
+def test_numbers_of_nodes_are_categories_in_the_papers_report_and_single_places_everywhere():
+    for plot in (over([3, 5, 7, 10], report="paper"), over([3])):
+        assert (plot.kind, plot.categories) == ("bars", True)
+
+
+@pytest.mark.parametrize(
+    "places", [[0, 0.0], [1e300, -1e300], [1, 1 + 1e-12], list(range(300)), [5e-324, 1], [-3, -2]]
+)
+def test_any_axis_is_drawn(places):
+    plot = over(places)
+    assert draw(plot)["png"]
+    assert len("".join(layout(plot)["xaxis"]["ticktext"])) < 100, "labels have no room"
+
+
 def test_bars_of_a_group_stand_beside_one_another():
     edges = [(one.x[1] - one.width / 2, one.x[1] + one.width / 2) for one in lay_out(BARS)]
     assert all(left[1] < right[0] for left, right in pairwise(edges))
@@ -129,6 +185,19 @@ def test_bars_on_a_logarithmic_axis_stand_on_a_power_of_ten():
 
 
 # ---- interactive
+
+
+@each_figure
+def test_plotly_knows_every_word(figure):
+    assert go.Figure(json.loads(plotly_json(figure))).data
+
+
+def test_numbers_that_are_none_are_null():
+    lines = (Line("a", (1, 2), (math.nan, math.inf), (math.nan, -math.inf), (1.0, math.inf)),)
+    for plot in (replace(BARS, lines=lines), replace(TRAINING, lines=lines)):
+        text = plotly_json(plot)
+        parse_json(text)
+        assert "null" in text
 
 
 def test_lines_have_the_values_of_the_data():
@@ -316,6 +385,22 @@ def test_folder_that_can_not_be_made_is_named(tmp_path):
         write_report(report, tmp_path / "file")
 
 
+def test_a_report_that_cannot_be_written_leaves_the_earlier_one(tmp_path):
+    small = Report("Small", (), (), (Section("s", "S", (), (BARS,)),))
+    write_report(small, tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, limits[1]))  # as of a disk that is full
+    try:
+        with pytest.raises(
+            InputError, match=r"report\.html: cannot be written: .*; the one before"
+        ):
+            write_report(SAMPLE, tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+
 # ---- page
 
 
@@ -334,7 +419,12 @@ def test_texts_are_escaped_and_backticks_are_code():
 
 
 @pytest.mark.parametrize(
-    ("keys", "message"), [(("a", "a"), "'a' is the key of 2 parts"), (("a b",), "'a b' is no key")]
+    ("keys", "message"),
+    [
+        (("a", "a"), "'a' is the key of 2 parts"),
+        (("a", "A"), "'a' is the key of 2 parts"),
+        (("a b",), "'a b' is no key"),
+    ],
 )
 def test_keys_must_be_names_and_unique(keys, message):
     report = Report("T", (), (), tuple(Section(key, key) for key in keys))

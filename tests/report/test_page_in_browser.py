@@ -1,48 +1,23 @@
 """The report's page in a real browser: drawn, silent, self-contained, readable everywhere."""
 
 import io
-import os
 import re
-import shutil
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 from report_sample import ANSWERS, FIGURES, SAMPLE, TRAJECTORY
+from watched import DESKTOP, PHONE, Watched
 
-from iout_marl.report.content import Plot
+from iout_marl.report.build import build_report
+from iout_marl.report.content import Plot, Table
 from iout_marl.report.page import render_page
+from iout_marl.study.results import read_results
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-OPTIONS = [
-    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
-    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
-    *("--use-angle=swiftshader", "--enable-unsafe-swiftshader"),  # WebGL by software
-]
+ROOT = Path(__file__).parents[2]
 PLOTS = [figure for figure in FIGURES if isinstance(figure, Plot)]
-DESKTOP, PHONE = {"width": 1280, "height": 900}, {"width": 360, "height": 740}
-
-
-def give_up(reason):
-    """Skip where a browser may be lacking, fail where it must not."""
-    if os.environ.get("CI"):
-        pytest.fail(reason)
-    pytest.skip(reason)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        give_up("playwright is not installed")
-    path = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if path is None:
-        give_up(f"no browser is installed: none of {', '.join(BROWSERS)}")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=OPTIONS)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")
@@ -50,26 +25,6 @@ def page_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "report.html"
     path.write_text(render_page(SAMPLE), encoding="utf-8")
     return path
-
-
-class Watched:
-    """A page, what it asked for, and what it had to complain about."""
-
-    def __init__(self, browser, url, **options):
-        self.context = browser.new_context(offline=True, viewport=DESKTOP, **options)
-        self.page = self.context.new_page()
-        self.complaints, self.requests = [], []
-        self.page.on("console", self._note)
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.goto(url)
-
-    def _note(self, message):
-        # Drawing by software, the browser's own driver remarks on how fast it reads pixels.
-        if "GPU stall due to ReadPixels" in message.text:
-            return
-        if message.type not in ("log", "info", "debug"):
-            self.complaints.append(f"{message.type}: {message.text}")
 
 
 @pytest.fixture(scope="module")
@@ -134,8 +89,13 @@ def test_trajectory_is_drawn_in_three_dimensions(page):
     assert len(np.unique(colourful // 16)) >= 5, "path is not coloured by slot"
 
 
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_page_never_scrolls_sideways(page, size):
+SIZES = [DESKTOP, {"width": 1024, "height": 768}, {"width": 390, "height": 844}, PHONE]
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: str(size["width"]))
+def test_page_never_scrolls_sideways_and_nothing_is_hidden(page, size, theme):
+    page.emulate_media(color_scheme=theme)
     page.set_viewport_size(size)
     page.wait_for_timeout(300)
     widths = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
@@ -144,6 +104,40 @@ def test_page_never_scrolls_sideways(page, size):
     assert page.evaluate("getComputedStyle(document.body).overflowX") == "visible"
     for plot in page.locator(".js-plotly-plot .main-svg").all():
         assert plot.bounding_box()["width"] <= size["width"]
+    assert unreachable(page) == []
+
+
+def unreachable(page):
+    """Tables whose last cells cannot be seen, however one scrolls."""
+    return page.evaluate(
+        """() => [...document.querySelectorAll(".scroll")].flatMap((box) => {
+            const outer = box.getBoundingClientRect(), cells = box.querySelectorAll("th, td");
+            if (outer.left < 0 || outer.right > innerWidth) return [box.textContent];
+            box.scrollLeft = box.scrollWidth;
+            const right = Math.max(...[...cells].map((c) => c.getBoundingClientRect().right));
+            box.scrollLeft = 0;
+            return right > outer.right + 1 ? [box.textContent] : [];
+        })"""
+    )
+
+
+def test_tables_of_the_papers_report_fit_on_a_desktop(browser, tmp_path):
+    made = build_report(read_results(ROOT / "docs" / "results" / "results.json"))
+    tables = tuple(
+        replace(section, items=tuple(i for i in section.items if isinstance(i, Table)))
+        for section in made.sections
+    )
+    path = tmp_path / "report.html"
+    path.write_text(render_page(replace(made, sections=tables)), encoding="utf-8")
+    watched = Watched(browser, path.as_uri())
+    wide = "(box) => box.scrollWidth > box.clientWidth ? [box.textContent] : []"
+    found = f"[...document.querySelectorAll('.scroll')].flatMap({wide})"
+    assert watched.page.locator(".scroll").count() > 8
+    assert watched.page.evaluate(found) == []
+    watched.page.set_viewport_size({"width": 390, "height": 844})
+    assert unreachable(watched.page) == []
+    assert watched.page.evaluate("document.documentElement.scrollWidth") == 390
+    watched.context.close()
 
 
 def rgb(text):
