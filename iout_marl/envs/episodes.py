@@ -16,6 +16,7 @@ from gymnasium import spaces
 from iout_marl.envs.arguments import AnyScenario, render_mode_of, scenario_of
 from iout_marl.envs.maskable import MaskableMultiDiscrete
 from iout_marl.envs.play import BatchedPlay, Play, UnrolledPlay
+from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text
 from iout_marl.world import Events, State, World, node_codes, redraws_every_episode
 from iout_marl.world.actions import ActionCheck
@@ -70,12 +71,15 @@ class Episodes:
     ) -> None:
         self.render_mode = render_mode_of(render_mode)
         self.scenario = scenario_of(scenario)
-        self.world = World(self.scenario, num_envs)
-        self._num_envs = num_envs
+        try:
+            self.world = World(self.scenario, num_envs)
+        except MemoryError:
+            raise InputError(f"num_envs: no memory for {num_envs:,} environments") from None
+        self._num_envs = self.world.num_envs
         self._play: Play | None = None
         self.mask_place = self.scenario.observation.action_mask
         self._sizes = np.array(self.world.action_sizes)
-        self._check = ActionCheck(num_envs, self.world.num_auvs, self.world.action_sizes)
+        self._check = ActionCheck(self._num_envs, self.world.num_auvs, self.world.action_sizes)
         self.action_space = self.action_space_for(num_auvs=1)
         self.state_space = box(self.world.observer.state_ranges)
         self.vector_space = box(self.world.observer.agent_ranges)
@@ -204,11 +208,11 @@ class Episodes:
             RuntimeError: an episode is over, or has not begun.
         """
         play = self._playing
-        if self.is_over:
-            raise RuntimeError("the episode is over: call reset() first")
         if self._is_apart and self.over.any():
             which = np.flatnonzero(self.over).tolist()
             raise RuntimeError(f"the episodes of environments {which} are over: reset them first")
+        if self.is_over:
+            raise RuntimeError("the episode is over: call reset() first")
         reward = play.step(self._check(action))
         self._show()
         return reward

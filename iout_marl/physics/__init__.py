@@ -2,7 +2,10 @@
 
 Decibels, watts, joules and seconds; nothing here knows of scenarios or environments.
 Every function takes Python numbers or arrays of one library of the array API standard,
-broadcasts them, and names the paper's equation or the source that it follows.
+broadcasts them, and names the paper's equation or the source that it follows. Lists and tuples
+will do as well. What is no number, or lies outside an argument's domain, is an `InputError` (a
+ValueError) that names argument, domain and value. A function's `unchecked` leaves that out, for
+`torch.compile` say; it takes Python numbers and arrays of one library.
 """
 
 from iout_marl.physics.absorption import (

@@ -83,7 +83,7 @@ class Auvs(Section):
     count: Annotated[Count, Field(le=MAX_AUVS), Plausible(1, 100, "AUVs")] | None = None
     speed_m_per_s: Annotated[Positive, Plausible(0.001, 30, "m/s")]
     #: `six`: one cell along an axis in every slot, never at rest; `hover`: a seventh
-    #: direction stays where the AUV is.
+    #: direction stays where the AUV is. In a grid of one cell every direction stays.
     motion: Literal["six", "hover"] = "six"
     #: Distance in cells that any two AUVs keep; 1 keeps them in cells of their own, 0 sets
     #: no rule. Of AUVs whose moves would end too near one another, or swap their cells,

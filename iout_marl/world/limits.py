@@ -29,7 +29,7 @@ MOST_REWARD = 1e18
 #: Seconds of a slot, bits of a packet, hertz of a band: from and to.
 _FROM, _TO = 1e-9, 1e12
 MOST_SLOTS = 10**12
-MOST_ENVS = 10**9
+MOST_ENVS = 10**7
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 #: Decorates what may overflow, and whose results are bounded, refused or of no consequence.

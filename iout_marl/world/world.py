@@ -234,6 +234,8 @@ class World:
                 shape, or lies outside its range.
             RuntimeError: an episode is over.
         """
+        if not isinstance(state, State):
+            raise InputError("state must be one that `reset` or `step` has given")
         shapes = tuple(state.cell.shape), tuple(state.node_cell.shape)
         expected = (self.num_envs, self.num_auvs), (self.num_envs, self.num_nodes)
         if shapes != expected:

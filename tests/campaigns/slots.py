@@ -19,8 +19,6 @@ from iout_marl.world.limits import reward_bounds
 MOST_ENVS, FEWEST_SCENARIOS = 4096, 8
 #: Environments that are played a second time with their nodes in another order.
 PERMUTED = 16
-#: Of sums of energies in another order.
-CLOSE = {"rtol": 1e-9, "atol": 1e-12}
 
 
 class LawBrokenError(AssertionError):

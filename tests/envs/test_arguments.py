@@ -409,6 +409,8 @@ def test_a_checked_step_refuses_a_bad_action(bad):
 def test_a_checked_step_refuses_another_worlds_state_and_the_end():
     world, state = world_and_state()
     _, five = world_and_state(5)
+    with pytest.raises(InputError, match=r"^state must be one that"):
+        world.checked_step(None, [[[0, 0, 0]]])
     with pytest.raises(InputError, match=r"^state is that of another world"):
         world.checked_step(five, [[[0, 0, 0]]])
     for _ in range(SLOTS):
