@@ -5,7 +5,6 @@ Every face is a thin translation of this class into another API.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from gymnasium import spaces
 from iout_marl.envs.maskable import MaskableMultiDiscrete
 from iout_marl.envs.play import BatchedPlay, Play, UnrolledPlay
 from iout_marl.errors import InputError
-from iout_marl.render import Snapshot, as_picture, as_text
+from iout_marl.render import Snapshot, as_picture, as_text, print_text
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import Events, State, World, node_codes, redraws_every_episode
 from iout_marl.world.actions import ActionCheck
@@ -230,8 +229,8 @@ class Episodes:
         """In mode `human`, print every environment to the terminal."""
         if self.render_mode == "human":
             for env in range(self.world.num_envs):
-                text = as_text(Snapshot.of(self.world, self.current, self._playing.events, env))
-                sys.stdout.write(f"{text}\n")
+                snapshot = Snapshot.of(self.world, self.current, self._playing.events, env)
+                print_text(as_text(snapshot))
 
 
 def box(ranges: Ranges) -> spaces.Box:
