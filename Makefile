@@ -1,6 +1,7 @@
 # make demo       train the paper's smallest scenario and compare it with the baselines
 # make test       lint, types and the whole test suite
 # make reproduce  the paper's figures, tables and claims: a quarter of an hour on two cores
+# make images     the pictures of README.md and docs/, made anew
 # make bench      speed of environment and trainer, side by side with others: seven minutes
 # make campaigns  bad input, kills and random slots by the thousand: half an hour
 # make integrations        other people's trainers, each in a virtual environment of its own
@@ -11,7 +12,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := runs/demo
 
-.PHONY: demo reproduce docs test lint types pytest campaigns format bench integrations clean
+.PHONY: demo reproduce docs images test lint types pytest campaigns format bench integrations clean
 
 # Each stamp stands for an installation that need not be repeated.
 RUNTIME := $(VENV)/.runtime-installed
@@ -62,6 +63,10 @@ docs: $(RUNTIME)
 	$(call PAGE,MULTI,multi,multi-auv-results)
 	$(call PAGE,GAP,gap,gap-results)
 	$(call PAGE,FAIRNESS,fairness,fairness-results)
+
+# The pictures of README.md and docs/; of the report in a browser, see CONTRIBUTING.md.
+images: $(TEST)
+	$(BIN)/python docs/images/make.py
 
 test: lint types pytest
 

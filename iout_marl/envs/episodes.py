@@ -5,7 +5,6 @@ Every face is a thin translation of this class into another API.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,7 +16,7 @@ from iout_marl.envs.arguments import AnyScenario, render_mode_of, scenario_of
 from iout_marl.envs.maskable import MaskableMultiDiscrete
 from iout_marl.envs.play import BatchedPlay, Play, UnrolledPlay
 from iout_marl.errors import InputError
-from iout_marl.render import Snapshot, as_picture, as_text
+from iout_marl.render import Snapshot, as_picture, as_text, print_text
 from iout_marl.world import Events, State, World, node_codes, redraws_every_episode
 from iout_marl.world.actions import ActionCheck
 from iout_marl.world.observation import Ranges
@@ -295,7 +294,7 @@ class Episodes:
         """In mode `human`, print every environment to the terminal."""
         if self.render_mode == "human":
             for env in range(self.world.num_envs):
-                sys.stdout.write(f"{as_text(self._snapshot(env))}\n")
+                print_text(as_text(self._snapshot(env)))
 
     def _snapshot(self, env: int) -> Snapshot:
         state = self.current

@@ -5,6 +5,6 @@ Importing this loads no matplotlib: only `as_picture` does, when it is called.
 
 from iout_marl.render.picture import as_picture
 from iout_marl.render.snapshot import Snapshot
-from iout_marl.render.text import as_text
+from iout_marl.render.text import as_text, print_text
 
-__all__ = ["Snapshot", "as_picture", "as_text"]
+__all__ = ["Snapshot", "as_picture", "as_text", "print_text"]

@@ -40,6 +40,11 @@ def energy_text(energy_j: float) -> str:
     return f"{energy_j / unit_j:.3g} {unit}"
 
 
+def number_text(value: float, digits: int = 0) -> str:
+    """A number that is not negative; a very large one by its first digits."""
+    return f"{value:.{digits}f}" if value < 1e5 else f"{value:.3g}"
+
+
 _BREAKS = re.compile("[\t-\r\x1c-\x1f\x85\u2028\u2029]+")
 #: Control characters, halves of characters, and what Unicode keeps free for programs.
 _NO_TEXT = re.compile(

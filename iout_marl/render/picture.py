@@ -10,7 +10,7 @@ import numpy.typing as npt
 from rich.cells import cell_len
 
 from iout_marl.render import style
-from iout_marl.render.labels import energy_text, energy_unit, shortened
+from iout_marl.render.labels import energy_text, energy_unit, number_text, shortened
 from iout_marl.render.layout import axis_top, round_step
 from iout_marl.render.panel import Panel
 from iout_marl.render.scene import FROM_ABOVE, FROM_THE_SIDE, draw_scene, hull
@@ -33,7 +33,7 @@ def as_picture(snapshot: Snapshot) -> npt.NDArray[np.uint8]:
     """
     title = shortened(snapshot.title, 42)
     with drawing(title) as replaced:
-        return _draw(replace(snapshot, title=title.translate(replaced)))
+        return _draw(replace(snapshot.drawable(), title=title.translate(replaced)))
 
 
 def _draw(snapshot: Snapshot) -> npt.NDArray[np.uint8]:
@@ -85,10 +85,10 @@ def _draw_header(figure: Figure, s: Snapshot) -> None:
     title_pt = 15 if cell_len(s.title) <= 28 else 10.5
     _write(figure, 18, 25, s.title, fontsize=title_pt, fontweight="bold")
     facts = {
-        "slot": f"{s.slot} / {s.num_slots}",
-        "mean AoI, slots": f"{s.mean_age:.1f}",
+        "slot": f"{number_text(s.slot)} / {number_text(s.num_slots)}",
+        "mean AoI, slots": number_text(s.mean_age, 1),
         "Jain's index": f"{s.jain:.2f}",
-        "harvested": f"{s.total_harvested_j / 1000:.2f} kJ",
+        "harvested": f"{number_text(s.total_harvested_j / 1000, 2)} kJ",
         "duplex": "TDD" if s.is_tdd else "FDD",
     }
     for x_px, (name, value) in zip((440, 552, 662, 768, 892), facts.items(), strict=True):
@@ -119,7 +119,7 @@ def _ticks(low: float, high: float) -> list[float]:
 
 
 def _draw_ages(figure: Figure, s: Snapshot, colours: Floats) -> None:
-    labels = [f"{age:.0f}" for age in s.ages]
+    labels = [number_text(age) for age in s.ages]
     panel = _draw_bars(figure, style.AGES, s.ages, _age_top(s), colours, labels)
     panel.title("Age of Information, slots")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,9 @@ from iout_marl.world import Events, State, World
 Integers = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+
+#: Of what a picture can show: ratios of such figures are numbers, too.
+LARGEST = 1e60
 
 
 # eq=False: a comparison of arrays would raise, so snapshots compare by identity.
@@ -76,6 +79,20 @@ class Snapshot:
             beta=None if events is None else np.array(events.beta[env], dtype=np.float64),
         )
 
+    def drawable(self) -> Snapshot:
+        """The same with figures that a picture can show: from 0 to `LARGEST`, and none that is
+        not a number."""
+        return replace(
+            self,
+            ages=_drawable(self.ages),
+            maximum_age=max(float(_drawable(self.maximum_age)), 1.0),
+            energies_j=_drawable(self.energies_j),
+            price_j=float(_drawable(self.price_j)),
+            mean_age=float(_drawable(self.mean_age)),
+            jain=float(_drawable(self.jain)),
+            total_harvested_j=float(_drawable(self.total_harvested_j)),
+        )
+
     @property
     def num_auvs(self) -> int:
         return len(self.auv_positions)
@@ -87,7 +104,7 @@ class Snapshot:
     @property
     def energy_yardstick_j(self) -> float:
         """What a full gauge of energy stands for, in J: `price_j` wherever that is a number."""
-        if math.isfinite(self.price_j) and self.price_j > 0:
+        if math.isfinite(self.price_j) and self.price_j > 1 / LARGEST:
             return self.price_j
         return max(float(self.energies_j.max()), 1.0)
 
@@ -108,3 +125,7 @@ class Snapshot:
             return []
         pairs = zip(self.heard, self.delivered, strict=True)
         return [(auv, int(node), bool(arrived)) for auv, (node, arrived) in enumerate(pairs)]
+
+
+def _drawable(values: npt.ArrayLike) -> Floats:
+    return np.clip(np.nan_to_num(np.asarray(values, dtype=np.float64)), 0.0, LARGEST)

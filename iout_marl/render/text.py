@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections import defaultdict
 
-from iout_marl.render.labels import auv_name, energy_text, shortened
+from rich.cells import cell_len, set_cell_size
+
+from iout_marl.render.labels import auv_name, energy_text, number_text, shortened
 from iout_marl.render.snapshot import Integers, Snapshot
 
 MAX_COLUMNS = 100
@@ -23,6 +26,7 @@ def as_text(snapshot: Snapshot) -> str:
     is a node, `@` the AUV, or A, B, … where there are several, and `+` stands for what
     does not fit. Tables that are too long are cut short, maps that are too large scaled.
     """
+    snapshot = snapshot.drawable()
     names = _auv_names(snapshot)
     lines = [
         _header(snapshot),
@@ -42,7 +46,17 @@ def _auv_names(s: Snapshot) -> list[str]:
 
 def _fitted(line: str) -> str:
     line = line.rstrip()
-    return line if len(line) <= MAX_COLUMNS else line[: MAX_COLUMNS - 1] + "…"
+    if cell_len(line) > MAX_COLUMNS:
+        line = set_cell_size(line, MAX_COLUMNS - 1) + "…"
+    return line
+
+
+def print_text(text: str) -> None:
+    """Print a text; what the encoding of standard output lacks is shown as `?`."""
+    stream = sys.stdout
+    if stream is not None:  # as in a process without a terminal
+        encoding = getattr(stream, "encoding", None) or "utf-8"
+        stream.write(text.encode(encoding, "replace").decode(encoding) + "\n")
 
 
 def _header(s: Snapshot) -> str:
@@ -51,9 +65,9 @@ def _header(s: Snapshot) -> str:
             shortened(s.title, 32),
             "TDD" if s.is_tdd else "FDD",
             f"slot {s.slot}/{s.num_slots}",
-            f"mean AoI {s.mean_age:.2f}",
+            f"mean AoI {number_text(s.mean_age, 2)}",
             f"Jain {s.jain:.2f}",
-            f"harvested {s.total_harvested_j / 1000:.2f} kJ",
+            f"harvested {number_text(s.total_harvested_j / 1000, 2)} kJ",
         ]
     )
 
@@ -134,14 +148,14 @@ def _auv_table(s: Snapshot, names: list[str]) -> list[str]:
 
 def _node_table(s: Snapshot, names: list[str]) -> list[str]:
     full_j = s.energy_yardstick_j
-    age_title = f"age, full {s.maximum_age:.0f}"
+    age_title = f"age, full {number_text(s.maximum_age)}"
     energy_title = f"energy, full {energy_text(full_j)}"
     lines = [f"node  cell x,y,z    {age_title:<20} {energy_title:<26} last slot"]
     for node in range(min(s.num_nodes, MAX_NODES)):
         age, energy_j = float(s.ages[node]), float(s.energies_j[node])
         lines.append(
             f"{node + 1:>4}  {_cell(s.node_positions[node]):<12} "
-            f"{age:>4.0f} {_bar(age / s.maximum_age)}  "
+            f"{number_text(age):>4} {_bar(age / s.maximum_age)}  "
             f"{energy_text(energy_j):>8} {_bar(energy_j / full_j)}    {_marks(s, node, names)}"
         )
     if s.num_nodes > MAX_NODES:

@@ -1,5 +1,6 @@
 """What text and picture show, and that they keep to themselves."""
 
+import io
 import re
 import subprocess
 import sys
@@ -7,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.cells import cell_len
 
 from iout_marl.policies import make_baseline
-from iout_marl.render import Snapshot, as_picture, as_text
+from iout_marl.render import Snapshot, as_picture, as_text, print_text
 from iout_marl.render.labels import auv_name, energy_text
 from iout_marl.render.layout import axis_top, freest, place_auvs, place_nodes, round_step
 from iout_marl.scenario import load_scenario
@@ -118,6 +120,54 @@ def test_picture_is_of_one_size_whatever_it_shows(name):
     assert picture.dtype == np.uint8
     assert picture.flags.owndata
     assert picture.std() > 10
+
+
+NOTHING, EVERYTHING = np.full(10, np.nan), np.full(10, np.inf)
+FAR = [0.0, 5e-324, 1e-300, 1e-15, 1.0, 1e9, 1e60, 1e300, np.finfo(float).max, -5.0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"ages": np.array(FAR), "maximum_age": 1e16, "mean_age": 1e15},
+        {"energies_j": np.array(FAR), "price_j": 1e-300, "total_harvested_j": 1e300},
+        {"ages": EVERYTHING, "maximum_age": np.inf, "mean_age": np.inf, "jain": np.nan},
+        {"energies_j": NOTHING, "price_j": np.nan, "total_harvested_j": np.nan},
+        {"ages": NOTHING, "energies_j": EVERYTHING, "maximum_age": 0.0},
+        {"slot": 10**12, "num_slots": 0},
+        {"title": "能量 <b>$x_1$</b> \u202e\\frac{ `q` \0\n" + "x" * 10_000},
+        {"title": "\ud800 \x1b[31m"},
+        {"title": ""},
+    ],
+    ids=" ".join,
+)
+def test_any_figures_and_any_name_are_shown(fdd, change):
+    strange = replace(fdd, **change)
+    assert as_picture(strange).shape == (600, 960, 3)
+    text = as_text(strange)
+    assert max(cell_len(line) for line in text.split("\n")) <= 100
+    assert not set("\0\x1b\ud800") & set(text)
+    assert len(text.split("\n")) == len(as_text(fdd).split("\n"))
+
+
+def test_grids_of_any_form_are_shown():
+    flat = {"grid.cells": [500, 2, 1], "nodes.cells": [[400, 2, 1]], "nodes.count": 1}
+    many = {"nodes.kind": "random", "nodes.count": 200}
+    for overrides in (flat | {"auvs.start_cells": [[500, 1, 1]]}, many):
+        snapshot = play("paper/k10-fdd", overrides, 2)
+        assert as_picture(snapshot).std() > 5
+        assert max(map(len, as_text(snapshot).split("\n"))) <= 100
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "utf-8"])
+def test_what_the_terminal_cannot_show_is_replaced(monkeypatch, encoding):
+    stream = io.TextIOWrapper(io.BytesIO(), encoding=encoding, write_through=True)
+    monkeypatch.setattr(sys, "stdout", stream)
+    print_text("能 … x")
+    shown = stream.buffer.getvalue().decode(encoding).removesuffix("\n")
+    assert shown == "能 … x".encode(encoding, "replace").decode(encoding)
+    monkeypatch.setattr(sys, "stdout", None)
+    print_text("nowhere")
 
 
 def test_picture_of_one_snapshot_is_always_the_same(fdd, fdd_picture):
