@@ -62,9 +62,9 @@ def _check_size(scenario: Scenario, prices: Prices, oldest: int, game: Game) -> 
     """See that no sum can overflow, and that time and memory do.
 
     In a slot a node adds no more than A_max, p and the largest |μ|, which is that of the last
-    node: with w the largest |w_kj|, K w for each of the K − 1 others. Each is rounded to units,
-    by less than a slot. As `IMPOSSIBLE` is added to once before it is set anew, nothing comes to
-    twice that much, an eighth of what 64 bits hold.
+    node: with w the largest |w_kj|, K w for each of the K − 1 others. What is rounded is less than
+    a slot each. As `IMPOSSIBLE` is added to in one slot before it is set anew, nothing comes to
+    more than twice that, a quarter of what 64 bits hold.
     """
     slots, nodes = scenario.num_slots, scenario.num_nodes
     naming, weight = float(prices.naming.max()), float(np.abs(prices.presence).max())
