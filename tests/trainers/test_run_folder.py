@@ -308,7 +308,7 @@ class TestLoadingAPolicy:
 
     def test_scenario_that_is_broken(self, folder):
         (folder / "scenario.yaml").write_text("a: [")
-        assert "scenario.yaml: broken YAML" in self.load(folder)
+        assert "scenario.yaml:1: broken YAML" in self.load(folder)
 
 
 class TestEvaluatingARun:
