@@ -5,7 +5,8 @@ A layer lies over another one: mappings merge key by key, all else replaces. Two
 - A part whose `kind` changes starts from that kind's defaults.
 - Where a layer lists cells and a layer below counts them (`nodes.cells` over `nodes.count`,
   `auvs.start_cells` over `auvs.count`), that count no longer holds: all of the list is meant. A
-  count above its list, or beside it in one layer, holds: the first so many are meant.
+  count above its list, or beside it in one layer, holds: the first so many are meant. Of AUVs a
+  count may be larger than its list, and then holds: the others start where there is room.
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ __all__ = [
 
 #: Lists, and the key beside each that says how many of its entries are meant.
 _COUNTED = {("nodes", "cells"): "count", ("auvs", "start_cells"): "count"}
+#: Of these the count may be larger than the list.
+_CONTINUED = {("auvs", "start_cells")}
 #: Scenarios that one may extend, those that they extend among them.
 MAX_BASES = 50
 
@@ -69,6 +72,11 @@ class Layer:
         return Layer({key: self.data}, Places(inside={key: self.places}))
 
 
+def _is_longer(count: Any, listed: Any) -> bool:
+    """Whether a count means more than a list has; wrong types are reported by the schema."""
+    return isinstance(count, int) and isinstance(listed, list) and count > len(listed)
+
+
 def _merge(
     base: dict[str, Any],
     upper: Mapping[str, Any],
@@ -83,6 +91,8 @@ def _merge(
     if not is_one_layer:
         for listed, count in _COUNTED.items():
             if path == listed[:-1] and listed[-1] in upper and count not in upper:
+                if listed in _CONTINUED and _is_longer(base.get(count), upper[listed[-1]]):
+                    continue
                 base.pop(count, None)
                 base_places.inside.pop(count, None)
     for key, value in upper.items():

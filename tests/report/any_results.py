@@ -6,15 +6,8 @@ import random
 from fake_results import episode
 
 from iout_marl.report.names import BASELINES, BEST, LONGER_TDD, TRAINED, in_fdd
-from iout_marl.study.results import (
-    CellResult,
-    Emissions,
-    Failure,
-    Record,
-    Results,
-    TrainingRecord,
-    metrics_of,
-)
+from iout_marl.study.records import Emissions, Record, TrainingRecord, metrics_of
+from iout_marl.study.results import CellResult, Failure, Results
 from iout_marl.study.schema import Axis
 
 #: What must be shown as it is, wherever a user may write it.

@@ -60,6 +60,14 @@ def test_count_follows_a_list_in_an_override(write, section):
     assert load(section, {"extends": source, section: {listed: FIVE}}) == 5
 
 
+def test_a_count_of_auvs_that_goes_on_beyond_a_list_above_it_is_kept(write):
+    write("counts", "auvs", count=7)
+    source = write("lists", "auvs", extends="counts", start_cells=FIVE)
+    assert load("auvs", source) == 7
+    assert load_scenario(source).auvs.start_cells[0] == (1, 1, 1)
+    assert load("auvs", "multi/m4-k10-fdd", {"auvs.start_cells": [[2, 2, 1]]}) == 4
+
+
 def test_count_above_its_list_is_kept(write, section):
     write("lists", section, **{PAIRS[section][0]: FIVE})
     assert load(section, write("counts", section, extends="lists", count=2)) == 2

@@ -223,7 +223,7 @@ BAD_ACTIONS = [
 
 
 @each_api
-@pytest.mark.parametrize("bad", BAD_ACTIONS, ids=str)
+@pytest.mark.parametrize("bad", BAD_ACTIONS)
 def test_a_bad_action_is_refused_in_one_line_and_changes_nothing(make, bad):
     env = make(WORLD)
     env.reset(seed=0)
@@ -399,7 +399,7 @@ def test_a_checked_step_takes_what_step_takes(library):
         assert (found.cell == expected.cell).all()
 
 
-@pytest.mark.parametrize("bad", BAD_ACTIONS, ids=str)
+@pytest.mark.parametrize("bad", BAD_ACTIONS)
 def test_a_checked_step_refuses_a_bad_action(bad):
     world, state = world_and_state(2)
     with pytest.raises(InputError):
