@@ -4,7 +4,7 @@ A layer lies over another one: mappings merge key by key, all else replaces. Two
 
 - A part whose `kind` changes starts from that kind's defaults.
 - Where a layer lists cells and a layer below counts them (`nodes.cells` over `nodes.count`,
-  `auvs.start_cells` over `auvs.count`), that count no longer holds: all of the list is meant. A
+  `auvs.start_cells` over `auvs.count`), a count of others no longer holds: all are meant. A
   count above its list, or beside it in one layer, holds: the first so many are meant. Of AUVs a
   count may be larger than its list, and then holds: the others start where there is room.
 """
@@ -72,9 +72,11 @@ class Layer:
         return Layer({key: self.data}, Places(inside={key: self.places}))
 
 
-def _is_longer(count: Any, listed: Any) -> bool:
-    """Whether a count means more than a list has; wrong types are reported by the schema."""
-    return isinstance(count, int) and isinstance(listed, list) and count > len(listed)
+def _still_holds(path: KeyPath, count: Any, cells: Any) -> bool:
+    """Whether a count from below fits the list above it; wrong types are the schema's matter."""
+    if not isinstance(count, int) or not isinstance(cells, list):
+        return False
+    return count == len(cells) or (path in _CONTINUED and count > len(cells))
 
 
 def _merge(
@@ -91,10 +93,9 @@ def _merge(
     if not is_one_layer:
         for listed, count in _COUNTED.items():
             if path == listed[:-1] and listed[-1] in upper and count not in upper:
-                if listed in _CONTINUED and _is_longer(base.get(count), upper[listed[-1]]):
-                    continue
-                base.pop(count, None)
-                base_places.inside.pop(count, None)
+                if not _still_holds(listed, base.get(count), upper[listed[-1]]):
+                    base.pop(count, None)
+                    base_places.inside.pop(count, None)
     for key, value in upper.items():
         old, places = base.get(key), upper_places.inside.get(key, Places())
         if not isinstance(value, dict):
