@@ -14,6 +14,7 @@ from iout_marl.bounds import (
     certificate,
     check_game,
     opening_check,
+    scheduling,
     sharing_check,
     verified_age_sum,
 )
@@ -190,12 +191,16 @@ def test_a_sharing_certificate_is_for_tdd_and_for_as_many_nodes():
         assert line in refusal(verified_age_sum, scenario, read)
 
 
-def test_ages_that_64_bits_cannot_add_up():
-    scenario = load_scenario("paper/k3-fdd", {"age.maximum": 10**12, "episode.duration_s": 1e9})
-    assert "64 bits" in refusal(verified_age_sum, scenario, Certificate(scenario.world_hash, 1))
-    scenario = load_scenario("paper/k3-fdd", {"age.maximum": 10**12})
-    claim = Certificate(scenario.world_hash, 10**9, (0.0, 1.0))
-    assert "32 bits" in refusal(verified_age_sum, scenario, claim)
+def test_ages_that_cannot_be_added_up(monkeypatch):
+    scenario, record = fixture("opening")
+    read = Certificate.from_json(record)
+    monkeypatch.setattr(opening_check, "MOST_COUNTED", 899)
+    assert "32 bits" in refusal(verified_age_sum, scenario, read)
+    for limited in (certificate, scheduling):
+        monkeypatch.setattr(limited, "MOST_AGE_SUM", 899)
+    assert "64 bits" in refusal(verified_age_sum, scenario, read)
+    with pytest.raises(InputError, match=r"age\.maximum: 6 slots .* 64 bits"):
+        scheduling.least_age_sum(scenario)
 
 
 @pytest.mark.parametrize("weight", [0.0, 2.0**40])
