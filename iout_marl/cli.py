@@ -27,7 +27,7 @@ from iout_marl.cli_policies import (
 from iout_marl.cli_studies import JsonFile, Overrides, ScenarioArgument, report, reproduce
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation
-from iout_marl.files import user_path, write_text
+from iout_marl.files import write_text
 from iout_marl.policies import BASELINES, UNTRAINED, USUAL
 from iout_marl.scenario import bundled_names, load_scenario, to_yaml
 from iout_marl.terminal import imports_uninterrupted
@@ -145,8 +145,6 @@ def train(
     if steps is not None:
         settings.append(f"training.steps={steps}")
     loaded = load_scenario(scenario, settings)
-    out = out if out is None else user_path(out, "--out")
-    resume = resume if resume is None else user_path(resume, "--resume")
     if resume is not None and out is not None and out != resume:
         raise InputError("--out and --resume name different folders; --resume goes on in its own")
     if resume is not None and seed is not None:
@@ -203,7 +201,7 @@ def _report(
         _print_spread(outcome.evaluations)
     else:
         _print_table(outcome.evaluations)
-    for note in _notes(outcome, scenario):
+    for note in _notes(outcome, scenario, settings):
         typer.echo(note)
     folder = shlex.quote(str(run))
     typer.echo(
@@ -212,7 +210,7 @@ def _report(
     )
 
 
-def _notes(outcome: TrainingOutcome, scenario: str) -> list[str]:
+def _notes(outcome: TrainingOutcome, scenario: str, settings: list[str]) -> list[str]:
     """Where a policy's sampled actions and its most probable ones differ much: what to do."""
     notes = []
     for run, evaluation, sampled in zip(
@@ -225,6 +223,7 @@ def _notes(outcome: TrainingOutcome, scenario: str) -> list[str]:
         margin = 0.0 if math.isnan(probable.margin) else probable.margin
         if difference > max(MUCH * min(sampled, probable.mean), margin):
             words = ["iout", "evaluate", scenario, "--policy", str(run.path), "--sampled"]
+            words += [word for setting in settings for word in ("--set", setting)]
             notes.append(
                 f"note: mean AoI was {sampled:.2f} with sampled actions at the end of the "
                 f"training, and is {probable.mean:.2f} with the most probable ones, which can go "

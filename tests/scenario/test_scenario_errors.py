@@ -237,7 +237,7 @@ def test_unreadable_file(tmp_path, monkeypatch, error):
     def refuse(*args, **kwargs):
         raise error
 
-    monkeypatch.setattr("pathlib.Path.read_text", refuse)
+    monkeypatch.setattr("pathlib.Path.open", refuse)
     assert message("bad.yaml") == f"bad.yaml: cannot be read: {error.strerror}"
 
 
