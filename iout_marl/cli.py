@@ -217,7 +217,7 @@ def _report(
         show_spread(outcome.evaluations)
     else:
         show_columns(outcome.evaluations)
-    for note in _notes(outcome, scenario):
+    for note in _notes(outcome, scenario, settings):
         present(note)
     folder = shlex.quote(str(run))
     present(
@@ -226,7 +226,7 @@ def _report(
     )
 
 
-def _notes(outcome: TrainingOutcome, scenario: str) -> list[str]:
+def _notes(outcome: TrainingOutcome, scenario: str, settings: list[str]) -> list[str]:
     """Where a policy's sampled actions and its most probable ones differ much: what to do."""
     notes = []
     for run, evaluation, sampled in zip(
@@ -239,6 +239,7 @@ def _notes(outcome: TrainingOutcome, scenario: str) -> list[str]:
         margin = 0.0 if math.isnan(probable.margin) else probable.margin
         if difference > max(MUCH * min(sampled, probable.mean), margin):
             words = ["iout", "evaluate", scenario, "--policy", str(run.path), "--sampled"]
+            words += [word for setting in settings for word in ("--set", setting)]
             notes.append(
                 f"note: mean AoI was {sampled:.2f} with sampled actions at the end of the "
                 f"training, and is {probable.mean:.2f} with the most probable ones, which can go "

@@ -25,6 +25,7 @@ Runs of versions before the manifest have none, and are read as they are.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import re
@@ -67,6 +68,7 @@ class Manifest:
         return (to_json(data, indent=2) + "\n").encode()
 
     @classmethod
+    @functools.lru_cache(maxsize=4)  # that of a group is read for each of its policies
     def parse(cls, path: Path, data: bytes, names: str) -> Manifest:
         """The manifest that a file holds.
 

@@ -92,10 +92,10 @@ def _merge(
     base_places.where = upper_places.where or base_places.where
     if not is_one_layer:
         for listed, count in _COUNTED.items():
-            if path == listed[:-1] and listed[-1] in upper and count not in upper:
-                if not _still_holds(listed, base.get(count), upper[listed[-1]]):
-                    base.pop(count, None)
-                    base_places.inside.pop(count, None)
+            is_listed = path == listed[:-1] and listed[-1] in upper and count not in upper
+            if is_listed and not _still_holds(listed, base.get(count), upper[listed[-1]]):
+                base.pop(count, None)
+                base_places.inside.pop(count, None)
     for key, value in upper.items():
         old, places = base.get(key), upper_places.inside.get(key, Places())
         if not isinstance(value, dict):

@@ -291,7 +291,7 @@ def _plan(rng, cases):
         for moment in range(reference(replicas).moments)
     ]
     others = []
-    for i in range(max(cases - len(writes), cases // 4, 2)):
+    for i in range(max(cases - len(writes), cases // 5, 2)):
         replicas = GROUPS[i % len(GROUPS)]
         seconds = float(rng.uniform(0, 1.2 * reference(replicas).seconds))
         if i % 2:
@@ -315,4 +315,4 @@ def run(rng, cases):
     return tally
 
 
-CAMPAIGN = Campaign("killed trainings", cases=300, short=3, run=run, parts=1)
+CAMPAIGN = Campaign("killed trainings", cases=320, short=3, run=run, parts=1)
