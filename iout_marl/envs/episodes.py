@@ -254,11 +254,10 @@ class Episodes:
         `harvested_j`, the energy that it brought to a node; `delivered`, 1 if it received
         a packet; `beta` (0 in FDD). Before the first slot these are 0.
         """
-        now, slot = self._playing.now, self._slots_over
-        none = np.zeros((self.world.num_envs, self.world.num_auvs))
-        last = self._playing.last if slot else lambda _: none
         if self._is_apart:
             return self._info_apart()
+        now, slot = self._playing.now, self._slots_over
+        last = self._playing.last if slot else self._no_events
         return {
             "mean_aoi": now("mean_age"),
             "time_mean_aoi": now("age_sum") / slot if slot else now("mean_age"),
@@ -271,6 +270,9 @@ class Episodes:
             "beta": last("beta"),
             "age_violations": now("capped_ages"),
         }
+
+    def _no_events(self, _: str) -> npt.NDArray[np.float64]:
+        return np.zeros((self.world.num_envs, self.world.num_auvs))
 
     def _info_apart(self) -> dict[str, npt.NDArray[np.float64]]:
         """`info` where some episodes have begun later than others."""

@@ -118,7 +118,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
             begun = self._episodes.has_begun
             is_over = "is over" if begun else "has not begun"
             raise RuntimeError(f"the episode {is_over}: call reset() first")
-        if not isinstance(actions, Mapping):
+        if not isinstance(actions, dict | Mapping):
             raise InputError(f"actions must be a mapping by agent, not {short(actions)}")
         missing = [a for a in agents if a not in actions]
         if missing:

@@ -21,7 +21,7 @@ def integers(action: Any, what: str = "an action") -> npt.NDArray[Any]:
         InputError: it is of something else, or ragged.
     """
     try:
-        values = np.asarray(_on_host(action))
+        values = action if isinstance(action, np.ndarray) else np.asarray(_on_host(action))
     # Of what is ragged, and of lists of arrays of other libraries, NumPy makes nothing.
     except (ValueError, TypeError, RuntimeError):
         values = np.empty(0, dtype=object)
