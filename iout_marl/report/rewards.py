@@ -159,11 +159,8 @@ def _advised(mode: str, places: list[Place]) -> str:
     shares = [100 * place.reduction.mean for place in fresher]
     everywhere = len(fresher) == len(places)
     where = "at every K" if everywhere else "at " + ", ".join(place.where for place in fresher)
-    by = (
-        f"by {fixed(min(shares), 0)} to {fixed(max(shares), 0)} %"
-        if len(shares) > 1
-        else f"by {fixed(shares[0], 0)} %"
-    )
+    ends = dict.fromkeys(fixed(end, 0) for end in (min(shares), max(shares)))
+    by = f"by {' to '.join(ends)} %"
     fresh = f"train on {what}: mean AoI is lower {where}, {by}"
     prices = [price for place in places for price in place.prices()]
     if not prices:

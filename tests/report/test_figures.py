@@ -2,7 +2,6 @@
 
 import csv
 import io
-import itertools
 import json
 import math
 import re
@@ -10,14 +9,13 @@ import resource
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from html import escape
-from itertools import pairwise
 
 import numpy as np
 import plotly.graph_objects as go
 import pytest
-from fake_results import record, results
+from drawn import layout, traces
 from PIL import Image
-from report_sample import BARS, FIGURES, LOG, LOG_BARS, NODES, SAMPLE, TRAINING, TRAJECTORY
+from report_sample import BARS, FIGURES, LOG, NODES, SAMPLE, TRAINING, TRAJECTORY
 
 from iout_marl.errors import InputError
 from iout_marl.files import parse_json
@@ -25,9 +23,7 @@ from iout_marl.report import palette
 from iout_marl.report.content import Line, Report, Section, to_csv
 from iout_marl.report.interactive import plotly_json
 from iout_marl.report.page import render_page
-from iout_marl.report.series import lay_out, ticks, y_limits
 from iout_marl.report.static import draw
-from iout_marl.report.study_figures import metric_figure
 from iout_marl.report.writer import write_report
 
 each_figure = pytest.mark.parametrize("figure", FIGURES, ids=lambda figure: figure.key)
@@ -36,16 +32,6 @@ each_figure = pytest.mark.parametrize("figure", FIGURES, ids=lambda figure: figu
 @pytest.fixture(scope="module")
 def pictures():
     return {figure.key: draw(figure) for figure in FIGURES}
-
-
-def traces(figure, **wanted):
-    """The traces of an interactive figure that have these values."""
-    data = json.loads(plotly_json(figure))["data"]
-    return [t for t in data if all(t.get(key) == value for key, value in wanted.items())]
-
-
-def layout(figure):
-    return json.loads(plotly_json(figure))["layout"]
 
 
 # ---- static
@@ -93,95 +79,6 @@ def test_plot_of_one_point_or_none_is_drawn(kind):
             plot = replace(BARS, kind=kind, lines=lines, log_y=log, log_x=log, categories=not log)
             assert draw(plot)["png"]
             json.loads(plotly_json(plot))
-
-
-# ---- laid out
-
-
-def test_categories_are_equally_spaced_whatever_their_values():
-    assert ticks(NODES) == ([0.0, 1.0, 2.0, 3.0], ["3", "5", "7", "10"])
-    for one in lay_out(NODES):
-        assert np.diff(one.x) == pytest.approx(1)
-        assert abs(one.x[0]) < 0.2
-
-
-def over(places, **changes):
-    """A figure of a study whose axis has these places."""
-    made = {name: record("greedy", 3, 0, {"mean_aoi": [3.0, 4.0]}) for name in ("one", "other")}
-    cells = [("g", name, place, one) for name, one in made.items() for place in places]
-    made = results(cells, report="plain").model_copy(update=changes)
-    return metric_figure(made, "key", "Title", "mean_aoi", ["one", "other"])
-
-
-def test_an_axis_of_numbers_is_one():
-    plot = over([0.5, 1, 10])
-    assert not plot.categories
-    for trace in traces(plot, mode="lines+markers"):
-        assert trace["x"] == [0.5, 1, 10]
-    axis = layout(plot)["xaxis"]
-    assert "type" not in axis
-    assert (axis["tickvals"], axis["ticktext"]) == ([0.5, 1, 10], ["0.5", "1", "10"])
-    assert axis["range"][0] < 0.5
-    assert axis["range"][1] > 10
-
-
-def test_an_axis_of_more_than_two_decades_is_logarithmic():
-    plot = over([0.01, 1, 2000])
-    axis = layout(plot)["xaxis"]
-    assert axis["type"] == "log"
-    assert axis["ticktext"] == ["0.01", "1", "2,000"]
-    assert traces(plot)[0]["x"] == [0.01, 1, 2000]
-    assert layout(over([1, 100]))["xaxis"].get("type") != "log"
-
-
-def test_a_logarithmic_axis_with_zero_or_less_shows_it_too():
-    plot = over([-100, 0, 0.5, 500])
-    x = traces(plot)[0]["x"]
-    assert x == sorted(set(x))
-    assert x[1] == 0
-    assert layout(plot)["xaxis"]["ticktext"] == ["-100", "0", "0.5", "500"]
-
-
-def test_numbers_of_nodes_are_categories_in_the_papers_report_and_single_places_everywhere():
-    for plot in (over([3, 5, 7, 10], report="paper"), over([3])):
-        assert (plot.kind, plot.categories) == ("bars", True)
-
-
-@pytest.mark.parametrize(
-    "places", [[0, 0.0], [1e300, -1e300], [1, 1 + 1e-12], list(range(300)), [5e-324, 1], [-3, -2]]
-)
-def test_any_axis_is_drawn(places):
-    plot = over(places)
-    assert draw(plot)["png"]
-    assert len("".join(layout(plot)["xaxis"]["ticktext"])) < 100, "labels have no room"
-
-
-def test_bars_of_a_group_stand_beside_one_another():
-    edges = [(one.x[1] - one.width / 2, one.x[1] + one.width / 2) for one in lay_out(BARS)]
-    assert all(left[1] < right[0] for left, right in pairwise(edges))
-    assert edges[0][0] > 0.5
-    assert edges[-1][1] < 1.5
-
-
-def test_band_breaks_where_intervals_are_missing():
-    fdd, tdd, *_ = lay_out(TRAINING)
-    assert fdd.spans() == [list(range(60))]
-    assert tdd.spans() == [list(range(20)), list(range(23, 40)), list(range(41, 60))]
-    assert fdd.band
-    assert not any(one.band for one in lay_out(NODES))
-
-
-def test_intervals_on_a_logarithmic_axis_stay_above_zero():
-    first, dashed, _ = lay_out(LOG)
-    assert min(first.low) == 1e-6
-    assert first.y == LOG.lines[0].y
-    assert math.isnan(dashed.y[2]), "0 has no place on the axis"
-
-
-def test_bars_on_a_logarithmic_axis_stand_on_a_power_of_ten():
-    foot, top = y_limits(LOG_BARS)
-    assert foot == pytest.approx(100)
-    assert top > 210_000
 
 
 # ---- interactive
@@ -282,67 +179,6 @@ def test_pointing_at_a_cell_tells_slot_doings_and_ages():
 
 def test_depth_grows_downwards():
     assert layout(TRAJECTORY)["scene"]["zaxis"]["range"] == [5.5, 0.5]
-
-
-# ---- colours
-
-
-def luminance(colour):
-    parts = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
-    red, green, blue = (p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts)
-    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
-
-
-@pytest.mark.parametrize("colour", [*palette.COLOURS, *palette.SLOTS])
-def test_colours_are_seen_on_light_and_on_dark(colour):
-    assert 1.05 / (luminance(colour) + 0.05) >= 2.7
-    assert (luminance(colour) + 0.05) / (luminance("#12171d") + 0.05) >= 3
-
-
-#: Severities of 1 of Machado, Oliveira and Fernandes (2009), on linear RGB.
-VISIONS = {
-    "usual": np.eye(3),
-    "protanopia": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
-    "deuteranopia": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
-    "tritanopia": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
-}
-
-
-def seen(colour, vision):
-    """A colour in CIELAB as an eye sees it."""
-    parts = np.array([int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
-    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
-    linear = np.clip(np.array(VISIONS[vision]) @ linear, 0, 1)
-    to_xyz = np.array(
-        [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
-    )
-    x, y, z = np.cbrt(to_xyz @ linear / (0.9505, 1, 1.089))
-    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
-
-
-@pytest.mark.parametrize("vision", VISIONS)
-def test_many_series_are_told_apart_whatever_the_eyes_colour_vision(vision):
-    lines = tuple(Line(str(i), (1, 2), (1.0, 2.0)) for i in range(40))
-    looks = [one.look for one in lay_out(replace(NODES, lines=lines))]
-    for first, second in itertools.combinations(looks, 2):
-        distance = np.linalg.norm(seen(first.colour, vision) - seen(second.colour, vision))
-        assert distance > 10 or (first.mark, first.dash) != (second.mark, second.dash)
-    for first, second in itertools.combinations(looks[:24], 2):  # bars have neither of these
-        distance = np.linalg.norm(seen(first.colour, vision) - seen(second.colour, vision))
-        assert distance > 10 or first.hatch != second.hatch
-
-
-@pytest.mark.parametrize("kind", ["lines", "bars"])
-def test_picture_and_page_have_the_same_looks(kind):
-    lines = tuple(Line(str(i), (1, 2), (1.0, 2.0)) for i in range(24))
-    plot = replace(NODES, lines=lines, kind=kind, y_range=None)
-    drawn = traces(plot)
-    if kind == "bars":
-        looks = {(t["marker"]["color"], str(t["marker"].get("pattern"))) for t in drawn}
-    else:
-        looks = {(t["line"]["color"], t["line"]["dash"], t["marker"]["symbol"]) for t in drawn}
-    assert len(looks) == 24
-    assert [t["marker"]["color"] for t in drawn] == [one.look.colour for one in lay_out(plot)]
 
 
 # ---- files

@@ -98,6 +98,7 @@ def test_page_never_scrolls_sideways_and_nothing_is_hidden(page, size, theme):
     page.emulate_media(color_scheme=theme)
     page.set_viewport_size(size)
     page.wait_for_timeout(300)
+    wait_for_plots(page)
     widths = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
     assert widths[0] <= widths[1] == size["width"]
     # What is wider scrolls by itself or is not there; `overflow: hidden` would hide a fault.
@@ -182,21 +183,28 @@ def colours(page):
 def wait_until(page, function):
     """Wait for a function of the page to be true."""
     # Playwright's own wait evaluates texts, which the page's security policy forbids.
-    for _ in range(100):
+    for _ in range(600):
         if page.evaluate(function):
             return
         page.wait_for_timeout(100)
-    pytest.fail(f"not within 10 s: {function}")
+    pytest.fail(f"not within a minute: {function}")
 
 
 def wait_for_plots(page):
-    """Wait until all plots have taken the theme of the page."""
+    """Wait until all plots have taken the theme of the page, and have been drawn in it."""
     wait_until(
         page,
         """() => {
-        const ink = getComputedStyle(document.documentElement).getPropertyValue("--ink").trim();
-        return [...document.querySelectorAll(".js-plotly-plot")].every(
-            (plot) => plot._fullLayout.font.color === ink);
+        const all = (name) => document.querySelectorAll(name);
+        const ink = getComputedStyle(document.body).color;
+        const told = getComputedStyle(document.documentElement).getPropertyValue("--ink").trim();
+        const drawn = [...all("figure:not(.space) .plot")].every((plot) => {
+            const texts = [...plot.querySelectorAll(".xtick text, .xtitle, .legendtext")];
+            return plot.querySelector(".xtitle") && plot.querySelector(".xtick text")
+                && texts.every((text) => getComputedStyle(text).fill === ink);
+        });
+        return drawn && [...all(".js-plotly-plot")].every(
+            (plot) => plot._fullLayout.font.color === told);
         }""",
     )
 
