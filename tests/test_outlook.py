@@ -33,7 +33,7 @@ def test_a_forgotten_sign_makes_energy_plentiful(name):
 
 
 def test_of_auvs_that_disturb_one_another_less_is_promised():
-    line = outlook("multi/m3-k10-fdd", **{"harvester.sensitivity_db": 150})
+    line = outlook("multi/m3-k10-fdd", **{"harvester.sensitivity_db": 100})
     assert line.startswith("energy can bind only where uplinks disturb one another: a slot ")
     assert line.endswith(" J alone")
 

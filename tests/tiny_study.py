@@ -101,3 +101,9 @@ class DeadlyProcesses(LocalProcesses):
     """Processes that do not survive cells of seed 1."""
 
     task = staticmethod(die_as_no_1)
+
+
+def with_training(scenario, **settings):
+    """The scenario with settings of its training that its schema might refuse."""
+    training = scenario.training.model_copy(update=settings)
+    return scenario.model_copy(update={"training": training})

@@ -9,6 +9,7 @@ import re
 import tempfile
 import warnings
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import Any
 
@@ -80,8 +81,13 @@ class DaskCluster:
             finally:
                 line.abort()
 
+        async def identify_in_time() -> Any:
+            return await asyncio.wait_for(identify(), CONNECT_S)
+
         try:
-            return str(asyncio.run(asyncio.wait_for(identify(), CONNECT_S))["type"])
+            # In a thread of its own: that of a notebook has an event loop already.
+            with ThreadPoolExecutor(1) as thread:
+                return str(thread.submit(lambda: asyncio.run(identify_in_time())).result()["type"])
         except TimeoutError:
             raise self._no_scheduler(f"nothing that it understands in {CONNECT_S} s") from None
         # Whatever comes of reading a stranger's bytes as a message.

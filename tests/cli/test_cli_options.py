@@ -114,7 +114,7 @@ class TestHome:
         assert not (tmp_path / "~").exists()
         scenario = "~/my run/scenario.yaml"
         status, out, err = iout("evaluate", scenario, "--policy=~/my run", "--json=~/x.json")
-        assert (status, err) == (0, "")
+        assert status == 0, err
         assert "deterministic" in out
         assert json.loads((tmp_path / "home" / "x.json").read_text())["episodes"] == 1
         assert iout("show", scenario)[0] == 0

@@ -50,7 +50,7 @@ def policies(*names):
 class TestLayouts:
     def evaluated(self, iout, by_run, *words):
         status, out, err = iout("evaluate", *by_run, "--episodes", 3, *words, "--json", "-")
-        assert (status, err) == (0, "")
+        assert status == 0, err
         return json.loads(out)
 
     def test_each_run_plays_in_its_own(self, iout, by_run, runs):
@@ -93,6 +93,7 @@ class TestLayouts:
         status, out, _ = iout(*words)
         assert status == 0
         assert out.startswith(
+            "evaluation by most probable actions:\n"
             "best/k3-fdd, each in a layout of its own: 1 episode (deterministic), seed 0\n"
         )
         assert "│ layout " in out
@@ -102,6 +103,7 @@ class TestLayouts:
         words = ["train", *by_run, "--replicas", 5, "--out", "five", "--steps", 80]
         _, out, _ = iout(*words)
         assert out.startswith(
+            "evaluation by most probable actions:\n"
             "best/k3-fdd, each in a layout of its own: 5 policies, 1 episode (deterministic) each,"
         )
 
@@ -109,7 +111,7 @@ class TestLayouts:
 class TestSampled:
     def record(self, iout, by_run, *words):
         status, out, err = iout("evaluate", *by_run, *words, "--sampled", "--json", "-")
-        assert (status, err) == (0, "")
+        assert status == 0, err
         return json.loads(out)
 
     def test_is_chance(self, iout, by_run, runs):

@@ -1,12 +1,20 @@
 """Results as nobody would make them, but for which there must be a report: drawn at random."""
 
-import math
 import random
 
 from fake_results import episode
 
 from iout_marl.report.names import BASELINES, BEST, LONGER_TDD, TRAINED, in_fdd
-from iout_marl.study.records import Emissions, Record, TrainingRecord, metrics_of
+from iout_marl.study.fields import LARGEST, LONGEST
+from iout_marl.study.records import (
+    BOUNDS,
+    CURVES,
+    NOT_NEGATIVE,
+    Emissions,
+    Record,
+    TrainingRecord,
+    metrics_of,
+)
 from iout_marl.study.results import CellResult, Failure, Results
 from iout_marl.study.schema import Axis
 
@@ -26,26 +34,35 @@ NASTY = (
     "1. list",
     "back\\slash \\n",
     "%{x} %{customdata[0]} {{ 7 * 7 }} {% if %}",
-    "two\nlines\r\nthree\tx",
-    "nul\0bell\x07escape\x1b[31m",
     "right \u202eto left",
     "العربية و עברית",
     "能量 エネルギー 에너지 ऊर्जा",
     "👩‍🚀🚀",
-    "\ufdd0\uffff\U0001fffe",
+    "\ufdd0\U0001fffe",
     "=1+1",
     "![image](x.png) [link](javascript:alert(3))",
     ":smile: &copy; &#36;",
     "--- ***",
     "'\"><svg/onload=alert(4)>",
-    "word " * 2000,
-    "x" * 10_000,
+    "word " * (LONGEST // 5),
+    "x" * LONGEST,
     "",
     " ",
 )
-NUMBERS = (0.0, -0.0, 1.0, 2.5, 51.0, -3.0, 1e-300, 5e-324, 1e200, 1.7e308, -1.7e308, 1e15)
-CURVES = ("env_steps", "aoi/mean", "fairness/jain", "reward/total", "energy/harvested_kj")
-PLACES = (3.0, 5.0, 7.0, 10.0, 0.0, -2.0, 0.5, 2_304_000.0, 1e-9, 1e300, -1e300, math.inf, math.nan)
+#: What no name may be.
+REFUSED = (
+    "two\nlines\r\nthree\tx",
+    "nul\0bell\x07escape\x1b[31m",
+    "half \ud800",
+    "line\u2028end",
+    "\ufdd0\uffff\U0001fffe",
+    "word " * 2000,
+    "x" * 10_000,
+)
+#: What only a description may be.
+LONG = ("two\nlines\n\n\tthree", "word " * 2000, "x" * 10_000)
+NUMBERS = (0.0, -0.0, 1.0, 2.5, 51.0, -3.0, 1 / LARGEST, 5e-324, LARGEST, -LARGEST, 1e15)
+PLACES = (3.0, 5.0, 7.0, 10.0, 0.0, -2.0, 0.5, 2_304_000.0, 1e-9, LARGEST, -LARGEST)
 
 
 class _Draw:
@@ -57,67 +74,82 @@ class _Draw:
     def text(self):
         return self.rng.choice(self.texts)
 
-    def number(self):
-        return self.rng.choice(NUMBERS) if self.rng.random() < 0.3 else self.rng.uniform(0, 40)
+    def number(self, low=-LARGEST, high=LARGEST):
+        if self.rng.random() < 0.3:
+            return min(max(self.rng.choice(NUMBERS), low), high)
+        return self.rng.uniform(max(low, 0), min(high, 40))
 
-    def numbers(self, count):
-        same = self.number() if self.rng.random() < 0.3 else None
-        return [self.number() if same is None else same for _ in range(count)]
+    def positive(self):
+        return self.number(1 / LARGEST)
+
+    def numbers(self, count, low=-LARGEST, high=LARGEST):
+        same = self.number(low, high) if self.rng.random() < 0.3 else None
+        return [self.number(low, high) if same is None else same for _ in range(count)]
+
+    def samples(self, metric, count):
+        low, high = BOUNDS.get(metric, NOT_NEGATIVE)
+        if metric.endswith("_aoi"):
+            low = 1 / LARGEST
+        return self.numbers(count, max(low, -LARGEST), min(high, LARGEST))
 
     def curve(self):
         length = self.rng.randrange(6)
-        return {
-            name: self.numbers(length + self.rng.randrange(2))
-            for name in CURVES
-            if self.rng.random() < 0.9
-        }
-
-    def walk(self):
-        heard = [self.rng.randrange(3) for _ in range(self.rng.randrange(4))]
-        made = episode(self.rng.randrange(4), heard)
+        made = {name: self.numbers(length) for name in ("env_steps", *CURVES)}
         if self.rng.random() < 0.3:
-            made[self.rng.choice([*made, "more"])] = self.rng.choice([None, "x", 3, [], [[1]]])
+            made[self.text()] = self.numbers(self.rng.randrange(6))
+        return made
+
+    def walk(self, nodes):
+        heard = [self.rng.randrange(nodes + 1) for _ in range(self.rng.randrange(1, 5))]
+        made = episode(nodes, heard)
+        if self.rng.random() < 0.3:
+            made["spacing_m"] = self.positive()
+        if self.rng.random() < 0.3:
+            made["more"] = self.rng.choice([None, "x", 3, [], [[1]]])
         return made
 
     def training(self):
         emissions = Emissions(
-            energy_kwh=self.number(), co2_kg=self.number(), codecarbon=self.text()
+            energy_kwh=self.positive(), co2_kg=self.number(low=0), codecarbon=self.text()
         )
         return TrainingRecord(
             settings={
-                "learning_rate": self.rng.choice([0.1, "x", None, {}]),
-                "hidden_units": self.rng.choice([[64, 64], [[1], 2], 3]),
-                "steps": self.rng.choice([3, 0.5, self.text()]),
+                "discount": self.number(),
+                "learning_rate": self.rng.choice([0.1, 0, self.number()]),
+                "hidden_units": self.rng.choice([[64, 64], [], ["x", None], 3, True, self.text()]),
+                "steps": self.rng.choice([3, 0.5, 0, -1, 10**50]),
             },
-            env_steps=self.rng.choice([0, 1, -5, 10**9, 10**400]),
-            seconds=self.number(),
+            env_steps=self.rng.choice([0, 1, 10**9, 10**18]),
+            seconds=self.positive(),
             curve=self.curve(),
             emissions=self.rng.choice([emissions, None]),
         )
 
-    def record(self):
-        policy = self.rng.choice(["ppo", "ppo", "greedy", "planner", "bound"])
+    def record(self, bound):
+        policy = "bound" if bound else self.rng.choice(["ppo", "ppo", "greedy", "planner"])
         trained = policy == "ppo" and self.rng.random() < 0.9
-        episodes = self.rng.choice([0, 1, 1, 1, 2, 5])
+        episodes = self.rng.choice([1, 1, 1, 2, 5])
+        nodes = self.rng.randrange(1, 11)
         return Record(
             key=self.text(),
             scenario=self.text(),
             scenario_hash=self.text(),
             world_hash=self.rng.choice(["a", "b", self.text()]),
             duplex=self.rng.choice(["tdd", "fdd", self.text()]),
-            nodes=self.rng.randrange(-1, 12),
+            nodes=nodes,
             auvs=1,
-            maximum_age=self.number(),
-            minimum_jain=self.number(),
+            maximum_age=self.positive(),
+            minimum_jain=self.number(0, 1),
             policy=policy,
             seed=self.rng.randrange(3),
             episodes=episodes,
-            samples={name: self.numbers(episodes) for name in metrics_of(policy)},
+            samples={name: self.samples(name, episodes) for name in metrics_of(policy)},
             training=self.training() if trained else None,
-            episode=self.walk() if trained else None,
+            episode=self.walk(nodes) if trained else None,
             machine={"cores": self.rng.choice(["1", "?", self.text()]), self.text(): self.text()},
             date=self.text(),
             search=self.rng.choice(["", self.text()]),
+            deterministic=self.rng.random() < 0.3,
         )
 
     def failure(self):
@@ -132,15 +164,16 @@ def any_results(seed, texts=NASTY, report=None):
     names = [*BASELINES, *TRAINED, *BEST, LONGER_TDD, *map(in_fdd, BASELINES), *texts]
     places = rng.sample(PLACES, rng.randrange(1, 5))
     cells = [
-        CellResult(group=draw.text(), series=series, axis=place, record=draw.record())
+        CellResult(group=draw.text(), series=series, axis=place, record=draw.record(bound))
         for series in rng.sample(names, rng.randrange(1, 9))
+        for bound in [rng.random() < 0.2]
         for place in places
         for _ in range(rng.randrange(4))
     ]
     return Results(
         name=draw.text(),
         title=draw.text(),
-        description=draw.text(),
+        description=rng.choice([*texts, *LONG]),
         report=report or rng.choice(["paper", "plain"]),
         axis=Axis(key=draw.text(), label=draw.text()),
         front=rng.random() < 0.5,

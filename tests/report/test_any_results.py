@@ -1,12 +1,15 @@
 """Any results that validate give a report: page, Markdown, pictures; and nothing is raised."""
 
+import math
 import re
+from pathlib import Path
 
 import plotly.graph_objects as go
 import pytest
 from any_results import any_results
 from fake_results import record, results
 
+from iout_marl.errors import InputError
 from iout_marl.files import parse_json
 from iout_marl.report.build import build_report
 from iout_marl.report.content import Plot, Table
@@ -14,7 +17,7 @@ from iout_marl.report.interactive import plotly_json
 from iout_marl.report.markdown import render_markdown
 from iout_marl.report.page import render_page
 from iout_marl.report.static import draw
-from iout_marl.study.results import Failure, Results
+from iout_marl.study.results import Failure, Results, validated
 
 
 def written(made):
@@ -45,8 +48,41 @@ def test_pictures_of_results_at_random(seed):
         assert set(draw(figure)) == {"png", "svg"}
 
 
+@pytest.mark.parametrize(
+    "path, value",
+    [(("axis",), place) for place in (1e300, -1e300, math.inf, math.nan)]
+    + [
+        (("record", *path), value)
+        for path, value in (
+            (("nodes",), -1),
+            (("episodes",), 0),
+            (("maximum_age",), 5e-324),
+            (("minimum_jain",), 1.5),
+            (("samples", "mean_aoi"), [0.0]),
+            (("samples", "jain"), [51.0]),
+            (("episode", "path"), [[1]]),
+            (("training", "env_steps"), 10**400),
+            (("training", "seconds"), 0.0),
+            (("training", "settings", "learning_rate"), "x"),
+            (("training", "settings", "hidden_units"), [[1], 2]),
+            (("training", "curve", "aoi/mean"), [1.0]),
+            (("training", "emissions", "energy_kwh"), 1.7e308),
+        )
+    ],
+)
+def test_numbers_that_no_study_has_are_refused_in_one_line(path, value):
+    data = results([("g", "a", 3, record("ppo", 3, 0, {}))]).model_dump()
+    part = data["cells"][0]
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = value
+    with pytest.raises(InputError, match=r"^results.json: cannot be read: ") as caught:
+        validated(Results, Path("results.json"), data)
+    assert str(caught.value).isprintable()
+
+
 def test_failures_alone_and_nothing_at_all():
-    failure = Failure(series="PPO", axis=3, seed=0, error="it | diverged\n`at` once")
+    failure = Failure(series="PPO", axis=3, seed=0, error="it | diverged `at` once")
     for kind in ("paper", "plain"):
         made = results([], report=kind)
         written(made)
@@ -58,18 +94,20 @@ def test_failures_alone_and_nothing_at_all():
 
 def test_age_0_has_no_gap_in_percent():
     cells = [
-        ("g", name, 3, record(policy, 3, 0, {"mean_aoi": aoi}))
-        for name, policy, aoi in (("bound", "bound", 0.0), ("a", "greedy", 0.0), ("b", "ppo", 2.0))
+        ("g", name, 3, record(policy, 3, 0, {"mean_aoi": 2.0}))
+        for name, policy in (("bound", "bound"), ("a", "greedy"), ("b", "ppo"))
     ]
-    cells[0] = (*cells[0][:3], cells[0][3].model_copy(update={"samples": {"mean_aoi": [0.0]}}))
-    _, _, text = written(results(cells, report="plain"))
+    made = results(cells, report="plain")
+    for cell in made.cells[:2]:  # no file of results has this age
+        cell.record.samples["mean_aoi"] = [0.0]
+    _, _, text = written(made)
     assert "| a | 3 | 0.00 | 0.000 | **0.000** | 0.0\N{NO-BREAK SPACE}% |" in text
     assert "| b | 3 | 2.00 | 0.000 | 0.000 | –\N{NO-BREAK SPACE}% |" in text
 
 
 def test_a_series_of_many_and_many_series_are_drawn_in_parts():
     cells = [
-        ("g", f"series {i}", 3 + i % 2, record("greedy", 3, 0, {"mean_aoi": [i, i + 1]}))
+        ("g", f"series {i}", 3 + i % 2, record("greedy", 3, 0, {"mean_aoi": [i + 1, i + 2]}))
         for i in range(100)
     ]
     report, _, _ = written(results(cells, report="plain"))

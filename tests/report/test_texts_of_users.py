@@ -3,13 +3,15 @@
 import csv
 import io
 import re
+from pathlib import Path
 
 import pytest
-from any_results import NASTY
+from any_results import NASTY, REFUSED
 from fake_results import record, results
 from markdown_it import MarkdownIt
 from watched import Watched
 
+from iout_marl.errors import InputError
 from iout_marl.render.labels import printable
 from iout_marl.report.build import build_report
 from iout_marl.report.content import Table, to_csv
@@ -25,9 +27,11 @@ from iout_marl.report.markup import (
 from iout_marl.report.page import render_page
 from iout_marl.report.series import LONGEST_NAME
 from iout_marl.report.writer import write_report
-from iout_marl.study.results import Failure
+from iout_marl.study.results import Failure, Results, validated
 
 NAMES = [name for name in NASTY if name.strip()]
+#: The functions that clean a text take these too.
+each_text = pytest.mark.parametrize("text", [*NAMES, *REFUSED], ids=lambda text: repr(text[:20]))
 
 
 def as_shown(text):
@@ -43,15 +47,16 @@ def named(names=NAMES):
         changes = {"scenario": name, "machine": {"processor": name}, "search": name, "date": name}
         cells.append((name, name, 3 + i % 4, one.model_copy(update=changes)))
     made = results(cells, report="plain")
-    return made.model_copy(
+    made = made.model_copy(
         update={
             "title": " ".join(names[:-2]),
-            "description": " ".join(names[:-2]),
+            "description": "\n".join(names[:-2]),
             "command": names[0],
             "axis": made.axis.model_copy(update={"key": names[1], "label": names[1]}),
             "failures": tuple(Failure(series=n, axis=3, seed=0, error=n) for n in names),
         }
     )
+    return Results.model_validate(made.model_dump())
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +66,14 @@ def report():
 
 def tables(report):
     return [i for section in report.sections for i in section.items if isinstance(i, Table)]
+
+
+@pytest.mark.parametrize("text", REFUSED, ids=lambda text: repr(text[:20]))
+def test_what_cannot_be_shown_is_refused_in_one_line(text):
+    data = named(["a", "b", "c"]).model_dump() | {"title": text}
+    with pytest.raises(InputError, match=r"^results.json: cannot be read: title: must ") as caught:
+        validated(Results, Path("results.json"), data)
+    assert str(caught.value).isprintable()
 
 
 MARKDOWN = MarkdownIt("commonmark").enable(["table", "strikethrough"])
@@ -77,7 +90,7 @@ def read(source):
     return found
 
 
-@pytest.mark.parametrize("text", NAMES, ids=lambda text: repr(text[:20]))
+@each_text
 @pytest.mark.parametrize("form", ["{}\n", "# {}\n", "- {}\n", "1: {}\n\nx\n", "|a|\n|---|\n|{}|\n"])
 def test_markdown_shows_it_and_no_more(text, form):
     cell = read(form.format(markdown_text(as_data(text))))[1 if form.startswith("|") else 0]
@@ -95,7 +108,7 @@ def test_pages_of_markdown_keep_their_tables(report):
         assert as_shown(error) == as_shown(name)
 
 
-@pytest.mark.parametrize("text", NAMES, ids=lambda text: repr(text[:20]))
+@each_text
 def test_html_and_plotly_get_no_tag_and_no_code_of_it(text):
     for made in (str(html_text(as_data(text))), plotly_text(as_data(text))):
         assert not set("<>\n\0\ufdd0") & set(made)
@@ -118,9 +131,9 @@ def test_csv_has_it_in_one_cell(report):
 
 
 def test_names_that_look_alike_once_cleaned_stay_two():
-    made = build_report(named(["a\tb", "a b", "a\nb"]))
+    made = build_report(named(["a\ufdd0b", "a\ufdd1b", "a\U0001fffeb"]))
     rows = next(table for table in tables(made) if table.key == "metrics").rows
-    assert [row[0] for row in rows] == ["a b", "a b (2)", "a b (3)"]
+    assert [row[0] for row in rows] == ["a\ufffdb", "a\ufffdb (2)", "a\ufffdb (3)"]
 
 
 def test_page_shows_it_and_runs_nothing(report, browser, tmp_path):

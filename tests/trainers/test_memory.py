@@ -10,24 +10,24 @@ import sys
 import pytest
 import torch
 from rich.console import Console
-from tiny_study import TINY, wait_for
+from tiny_study import TINY, wait_for, with_training
 
 from iout_marl import InputError, load_scenario
 from iout_marl.scenario import to_yaml
 from trainers import RunFolder, Trainer, started_group, train
 from trainers.memory import enough_memory
 
+#: Settings that a scenario's file must not have, but that stand for too little memory anywhere.
 HUGE = {
-    "networks": {"training.hidden_units": [10**6, 10**6]},
-    "networks of a size that no array has": {"training.hidden_units": [10**10, 10**10]},
-    "environments": {"training.environments": 10**12},
-    "rollouts": {"training.rollout_slots": 10**12},
+    "networks": {"hidden_units": (10**6, 10**6)},
+    "networks of a size that no array has": {"hidden_units": (10**10, 10**10)},
+    "rollouts": {"rollout_slots": 10**12},
 }
 
 
 @pytest.mark.parametrize("changes", HUGE.values(), ids=list(HUGE))
 def test_settings_that_need_too_much_memory(tiny, tmp_path, changes):
-    scenario = tiny(changes)
+    scenario = with_training(tiny(), **changes)
     with pytest.raises(InputError, match="not enough memory: smaller training") as raised:
         train(scenario, tmp_path / "run", console=Console(file=io.StringIO()))
     assert str(raised.value).isprintable()

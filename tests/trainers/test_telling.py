@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from rich.console import Console
+from tiny_study import with_training
 
 from iout_marl import InputError
 from iout_marl.study.worker import run_cell
@@ -63,13 +64,14 @@ def test_steps_are_rounded_up_to_whole_rollouts(tiny, tmp_path, steps, trained):
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"training.learning_rate": 1e30}, "training diverged after 80 environment steps"),
-        ({"training.hidden_units": [10**6, 10**6]}, "not enough memory"),
+        ({"learning_rate": 1e30}, "training diverged after 80 environment steps"),
+        ({"hidden_units": (10**6, 10**6)}, "not enough memory"),
     ],
     ids=["diverged", "memory"],
 )
 def test_study_names_no_folder_that_is_gone(tiny, changes, expected):
-    cell = SimpleNamespace(scenario=tiny(changes), seed=0, episodes=1, trains=True)
+    scenario = with_training(tiny(), **changes)
+    cell = SimpleNamespace(scenario=scenario, seed=0, episodes=1, trains=True)
     with pytest.raises(InputError) as raised:
         run_cell(cell, 0.0)
     message = str(raised.value)
