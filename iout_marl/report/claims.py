@@ -165,8 +165,8 @@ def _baseline_fairness(results: Results) -> Findings:
         checks = []
         for few, many in pairwise(results.places(name)):
             a, b = (results.measured(name, place, "jain") for place in (few, many))
-            assert a is not None
-            assert b is not None
+            if a is None or b is None:  # as of a bound that is called like a baseline
+                continue
             fall = difference(a, b)
             checks.append(Check.positive(f"K = {few:g} → {many:g}: {number(fall, 3)}", fall))
         findings.append(Finding(f"{name} falls by", tuple(checks)))

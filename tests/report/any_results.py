@@ -177,7 +177,7 @@ def any_results(seed, texts=NASTY, report=None):
         report=report or rng.choice(["paper", "plain"]),
         axis=Axis(key=draw.text(), label=draw.text()),
         front=rng.random() < 0.5,
-        carbon_g_per_kwh=draw.number(),
+        carbon_g_per_kwh=draw.number(low=0),
         quick=rng.random() < 0.3,
         command=draw.text(),
         cells=tuple(cells),

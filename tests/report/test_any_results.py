@@ -49,7 +49,7 @@ def test_pictures_of_results_at_random(seed):
 
 
 @pytest.mark.parametrize(
-    "path, value",
+    ("path", "value"),
     [(("axis",), place) for place in (1e300, -1e300, math.inf, math.nan)]
     + [
         (("record", *path), value)
