@@ -50,6 +50,6 @@ def enough_memory(where: str = "") -> Iterator[None]:
         if isinstance(error, OverflowError) or any(sign in text for sign in _TOO_LARGE):
             reason = text.strip().partition("\n")[0]
             raise InputError(
-                f"{where}a setting of training is too large to reckon with: {reason}"
+                f"{where}a setting of training is too large to compute with: {reason}"
             ) from None
         raise

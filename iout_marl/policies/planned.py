@@ -98,7 +98,7 @@ def _foreseen(plan: Plan | None, state: State) -> int | None:
         np.array_equal(expected.cell, state.cell[0])
         and np.array_equal(expected.node_cell, state.node_cell[0])
         and np.array_equal(expected.age, state.age[0])
-        # The last digits depend on how many environments are reckoned at once.
+        # The last digits depend on how many environments are computed at once.
         and np.allclose(expected.energy_j, state.energy_j[0], rtol=1e-6)
     )
     return row if alike else None

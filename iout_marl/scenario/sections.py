@@ -124,7 +124,7 @@ class SharedChannel(Section):
 
 
 class PaperChannel(SharedChannel):
-    """Levels as the paper reckons them.
+    """Levels as the paper computes them.
 
     `table` attenuates by k_s log₁₀ d + α d, the form behind the paper's tables and
     results; `equation` by 10 k_s log₁₀ d + α d, its eq. `AL` as printed.

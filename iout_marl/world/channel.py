@@ -115,7 +115,7 @@ class Channel:
         """Power of an uplink, in W, that would sound as loud as an AUV that charges.
 
         Off its beam an AUV radiates its acoustic power, without the directivity of the
-        beam; uplinks reckon in acoustic power (`table`, `equation`) or in electric power
+        beam; uplinks are computed in acoustic power (`table`, `equation`) or in electric power
         through their own projector (`sonar`).
         """
         charging, channel = self._scenario.charging, self._scenario.channel

@@ -72,7 +72,7 @@ def check_scenario(scenario: Scenario) -> None:
         key = max(bounds, key=lambda key: bounds[key])
         raise InputError(
             f"{key}: makes rewards of an episode as large as {total:.3g}; "
-            f"no more than {MOST_REWARD:g} can be reckoned with"
+            f"no more than {MOST_REWARD:g} can be computed with"
         )
 
 
@@ -92,7 +92,7 @@ def check_link(scenario: Scenario, harvested_w: float, tables: dict[str, Any]) -
         raise InputError(
             f"{_loudest(scenario)}: a node would "
             f"harvest {harvested_w:.3g} W and {most_j:.3g} J in an episode; "
-            f"no more than {MOST_J:g} can be reckoned with"
+            f"no more than {MOST_J:g} can be computed with"
         )
     for name, table in {"harvested power": harvested_w, **tables}.items():
         if not np.isfinite(table).all():

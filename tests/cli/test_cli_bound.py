@@ -84,7 +84,7 @@ def test_bad_input(refused, words, expected):
     assert expected in refused("bound", *words)
 
 
-def test_json_that_can_not_be_written(iout, refused):
+def test_json_that_cannot_be_written(iout, refused):
     words = ("bound", "multi/m3-k10-fdd", *SHORT, "--json")
     assert "missing/x.json: cannot be written: missing is no folder" in refused(
         *words, "missing/x.json"

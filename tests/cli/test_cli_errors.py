@@ -48,7 +48,7 @@ def folder(finished, tmp_path):
         (["train", "paper/k3-fdd", "--threads", "0"], "Invalid value for '--threads'"),
     ],
 )
-def test_command_line_that_can_not_be_read(refused, words, expected):
+def test_command_line_that_cannot_be_read(refused, words, expected):
     line = refused(*words)
     assert expected in line
     assert line.endswith("(see: iout --help)")
@@ -129,14 +129,14 @@ def test_one_bad_policy_among_good_ones(refused):
         ("  ", "must name a file, not be empty"),
     ],
 )
-def test_json_that_can_not_be_written_is_refused_before_anything_is_played(
+def test_json_that_cannot_be_written_is_refused_before_anything_is_played(
     refused, tmp_path, path, expected
 ):
     (tmp_path / "file").touch()
     assert expected in refused("evaluate", "paper/k3-fdd", "--json", path)
 
 
-def test_json_that_can_not_be_written_leaves_the_table(iout):
+def test_json_that_cannot_be_written_leaves_the_table(iout):
     words = ["--policy", "greedy", "--episodes", 1, "--json", "x" * 300]
     status, out, err = iout("evaluate", "paper/k3-fdd", *words)
     assert status == 2
@@ -154,7 +154,7 @@ class TestRuns:
         line = refused("train", *self.scenario, "--out", folder)
         assert "holds a run already; go on with it by --resume" in line
 
-    def test_folder_that_can_not_be_made(self, refused, tmp_path):
+    def test_folder_that_cannot_be_made(self, refused, tmp_path):
         (tmp_path / "file").touch()
         assert "cannot be made" in refused("train", *self.scenario, "--out", "file/run")
 

@@ -209,7 +209,7 @@ def test_a_program_that_imports_the_package_keeps_its_ctrl_c():
 
 
 @pytest.mark.parametrize("error", ["ImportError('no CUDA here')", "OSError('libx.so: not found')"])
-def test_torch_that_can_not_be_imported(tmp_path, error):
+def test_torch_that_cannot_be_imported(tmp_path, error):
     (tmp_path / "site" / "torch").mkdir(parents=True)
     (tmp_path / "site" / "torch" / "__init__.py").write_text(f"raise {error}")
     path = os.pathsep.join([str(tmp_path / "site"), *filter(None, sys.path)])

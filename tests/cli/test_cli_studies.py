@@ -122,7 +122,7 @@ def test_empty_grid_is_refused(refused, tmp_path):
     assert "grid.nodes.count: is empty" in refused("reproduce", "--study", path, "--out", "out")
 
 
-def test_folder_that_can_not_be_written_is_refused(refused, finished, tmp_path):
+def test_folder_that_cannot_be_written_is_refused(refused, finished, tmp_path):
     (tmp_path / "file").write_text("")
     line = refused("reproduce", "--study", finished / "tiny.yaml", "--out", tmp_path / "file" / "x")
     assert "cannot be" in line

@@ -214,7 +214,7 @@ def test_csv_has_the_values_of_the_data(figure):
     assert [(name, float(x), float(y)) for name, x, y, _, _ in rows] == expected
 
 
-def test_folder_that_can_not_be_made_is_named(tmp_path):
+def test_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     report = Report("Empty", (), (), ())
     with pytest.raises(InputError, match=r"file/figures: cannot be made: Not a directory$"):

@@ -227,7 +227,7 @@ def test_memory_that_was_given_back_is_missed():
     ],
     ids=["numbers", "indices", "a number asked for", "a mask", "noise", "in place", "counts"],
 )
-def test_what_a_graph_can_not_hold_is_refused(refused, why):
+def test_what_a_graph_cannot_hold_is_refused(refused, why):
     recorded, x = Recorded(refused, EmulatedGraph(None)), torch.ones(2)
     recorded(x)
     with pytest.raises(InputError, match=f"CUDA graphs .*{why}.*; --no-graphs trains without"):

@@ -104,7 +104,7 @@ def refused(*command, processes=2):
     return [line for line in result.stderr.splitlines() if line.startswith("iout: ")]
 
 
-def test_environments_that_can_not_be_shared_evenly(scenario_file, tmp_path):
+def test_environments_that_cannot_be_shared_evenly(scenario_file, tmp_path):
     lines = refused(str(scenario_file()), "--out", str(tmp_path / "run"), processes=3)
     expected = "iout: training.environments: 4 cannot be shared evenly by 3 processes"
     assert expected in lines

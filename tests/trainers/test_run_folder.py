@@ -162,7 +162,7 @@ class TestCreating:
         assert (tmp_path / "a/b/c/result.json").is_file()
 
     @pytest.mark.parametrize("name", ["file", "file/run", "x" * 300])
-    def test_folder_that_can_not_be_made(self, tiny, tmp_path, name):
+    def test_folder_that_cannot_be_made(self, tiny, tmp_path, name):
         (tmp_path / "file").touch()
         assert "cannot be " in refusal(lambda: quietly(tiny(), tmp_path / name))
 

@@ -173,7 +173,7 @@ def test_an_idle_auv_changes_nothing_under_interference(loud):
     np.testing.assert_allclose(with_it.spent_j[:, :2], without.spent_j, rtol=1e-12)
 
 
-def test_an_uplink_that_can_not_be_paid_under_interference_silences_the_weaker_one():
+def test_an_uplink_that_cannot_be_paid_under_interference_silences_the_weaker_one():
     free = crossing("interference", (1e9, 1e9), **{"uplink.packet_bits": 60000})
     alone = crossing("exclusive", (1e9, 0.0), **{"uplink.packet_bits": 60000})
     assert free.spent_j[0, 0] > alone.spent_j[0, 0]
