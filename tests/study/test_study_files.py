@@ -332,3 +332,10 @@ def test_quick_that_leaves_nothing_is_refused(tmp_path):
 def test_a_study_that_is_not_there_is_told_with_what_is():
     with pytest.raises(InputError, match="no study 'papr'; did you mean 'paper'"):
         load_study("papr")
+
+
+def test_a_scenario_s_name_that_no_file_can_have_is_refused(tmp_path):
+    path = write_study(tmp_path / "study.yaml")
+    path.write_text(path.read_text().replace("paper/k3-fdd", "A" * 400))
+    with pytest.raises(InputError, match="no scenario 'AAAA"):
+        expand(*load_study(path))
