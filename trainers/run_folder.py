@@ -15,7 +15,6 @@
 from __future__ import annotations
 
 import io
-import json
 import pickle
 import warnings
 from collections.abc import Iterator
@@ -29,7 +28,7 @@ import safetensors.torch
 import torch
 
 from iout_marl.errors import InputError
-from iout_marl.files import parse_json, reason, user_path
+from iout_marl.files import parse_json, reason, to_json, user_path
 from iout_marl.scenario import Scenario, parse_scenario
 from iout_marl.world import WORLD_VERSION, World
 from trainers import saving
@@ -135,7 +134,7 @@ class RunFolder:
         }
         return {
             "policy.safetensors": safetensors.torch.save(weights),
-            "policy.json": (json.dumps(shape, indent=2) + "\n").encode(),
+            "policy.json": (to_json(shape, indent=2) + "\n").encode(),
             "checkpoint.pt": buffer.getvalue(),
         }
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import signal
 import time
@@ -19,7 +18,7 @@ from torch import Tensor
 import iout_marl
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
-from iout_marl.files import reason, user_path
+from iout_marl.files import reason, to_json, user_path
 from iout_marl.scenario import Scenario, load_scenario, to_yaml
 from iout_marl.signals import Stopped, StopSignals
 from iout_marl.terminal import progress_console
@@ -387,4 +386,4 @@ def _result(trainer: Trainer, policy: int, evaluation: Evaluation, seconds: floa
         "seconds": round(seconds, 3),
         "evaluation": evaluation.to_json(),
     }
-    return json.dumps(result, indent=2) + "\n"
+    return to_json(result, indent=2) + "\n"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 import functools
-import json
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from iout_marl.bounds import bound
 from iout_marl.episode import record_episode
 from iout_marl.errors import InputError
 from iout_marl.evaluation import evaluate
-from iout_marl.files import LOCK_NAME
+from iout_marl.files import LOCK_NAME, to_json
 from iout_marl.policies import Budget, PlannerPolicy
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.study.cells import Cell
@@ -63,7 +62,7 @@ def _bound(cell: Cell, scenario: Scenario) -> Output:
     data = bound(scenario, seconds=cell.bound_seconds).to_json()
     search = f"{data['certificate']['kind']}, {cell.bound_seconds:g} s"
     record = Record.of(cell, {"mean_aoi": [data["best"]]}, _today(), search=search)
-    return Output(record, {"bound.json": (json.dumps(data, indent=2) + "\n").encode()})
+    return Output(record, {"bound.json": (to_json(data, indent=2) + "\n").encode()})
 
 
 def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
