@@ -3,7 +3,7 @@
 # make reproduce  the paper's figures, tables and claims: a quarter of an hour on two cores
 # make images     the pictures of README.md and docs/, made anew
 # make bench      speed of environment and trainer, side by side with others: seven minutes
-# make campaigns  bad input, kills and random slots by the thousand: half an hour
+# make campaigns  bad input, kills and random slots by the thousand: ten minutes on two cores
 # make integrations        other people's trainers, each in a virtual environment of its own
 # make integrations-rllib  one of them: agilerl, benchmarl, rllib or tianshou
 

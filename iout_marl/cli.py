@@ -220,10 +220,8 @@ def _report(
     for note in _notes(outcome, scenario, settings):
         present(note)
     folder = shlex.quote(str(run))
-    present(
-        f"trained for {outcome.seconds:.0f} s; the run is in {folder} "
-        f"(curves: tensorboard --logdir {folder})"
-    )
+    done = "trained before" if outcome.was_complete else f"trained for {outcome.seconds:.0f} s"
+    present(f"{done}; the run is in {folder} (curves: tensorboard --logdir {folder})")
 
 
 def _notes(outcome: TrainingOutcome, scenario: str, settings: list[str]) -> list[str]:
@@ -360,8 +358,6 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     130 after Ctrl-C, and 141, as by SIGPIPE, where nobody reads standard output any more.
     """
     is_program = arguments is None
-    startup.stop_guarding()
-    prepare_streams()
     status, line = _run(sys.argv[1:] if arguments is None else arguments)
     lost = finish_output()
     if lost is not None and not status:
@@ -377,6 +373,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
 def _run(arguments: list[str]) -> tuple[int, str]:
     """Run a command line; its exit status, and the line that says what was wrong, if so."""
     try:
+        startup.stop_guarding()
+        prepare_streams()
         # What is too large to compute with, the results say: a warning would say it elsewhere.
         with np.errstate(all="ignore"):
             command = typer.main.get_command(app)

@@ -57,6 +57,7 @@ class TrainingOutcome:
         signal: the number of the signal that stopped it.
         sampled_aoi: mean AoI of each policy in its last rollout with the end of an episode, where
             actions are sampled; None where this process has seen none.
+        was_complete: whether a resumed run had nothing left to train.
     """
 
     runs: list[RunFolder]
@@ -66,6 +67,7 @@ class TrainingOutcome:
     evaluations: list[Evaluation]
     signal: int | None = None
     sampled_aoi: list[float | None] = field(default_factory=list)
+    was_complete: bool = False
 
     @property
     def run(self) -> RunFolder:
@@ -183,7 +185,14 @@ def train(
                 training.save_results(evaluations, seconds)
         finished = bool(evaluations) if group.rank == 0 else trainer.finished
         return TrainingOutcome(
-            runs, trainer, finished, seconds, evaluations, stop.number, training.sampled_aoi
+            runs,
+            trainer,
+            finished,
+            seconds,
+            evaluations,
+            stop.number,
+            training.sampled_aoi,
+            was_complete,
         )
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from iout_marl.errors import InputError
 from iout_marl.scenario.places import KeyPath, Places, shorten, show_file, show_path, show_value
@@ -25,6 +25,7 @@ from iout_marl.scenario.yaml_values import MAX_BYTES, MAX_DEPTH, read_yaml
 __all__ = [
     "KeyPath",
     "Layer",
+    "Overrides",
     "mapping_layer",
     "overrides_layer",
     "parse_file",
@@ -70,6 +71,10 @@ class Layer:
     def below(self, key: str) -> Layer:
         """The layer as the part of that name of another one."""
         return Layer({key: self.data}, Places(inside={key: self.places}))
+
+
+#: What is laid over a scenario.
+Overrides: TypeAlias = str | Iterable[object] | Mapping[str, Any] | Layer | None
 
 
 def _still_holds(path: KeyPath, count: Any, cells: Any) -> bool:
@@ -223,16 +228,18 @@ def pop_bases(data: dict[str, Any], where: str) -> list[str]:
     return bases
 
 
-def overrides_layer(overrides: str | Iterable[object] | Mapping[str, Any] | None) -> Layer:
+def overrides_layer(overrides: Overrides) -> Layer:
     """Dotted overrides as one layer, later ones over earlier ones.
 
     Args:
         overrides: `{"auvs.count": 3}`, `["auvs.count=3"]` or `"auvs.count=3"`, with values in
-            YAML.
+            YAML; a layer stays as it is.
 
     Raises:
         InputError: an override is not of the form `key=value`, or its value is no YAML.
     """
+    if isinstance(overrides, Layer):
+        return overrides
     merged = Layer()
     for key, value, where, written in _pairs(overrides):
         keys = key.split(".")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,6 +17,7 @@ from iout_marl.errors import InputError
 from iout_marl.scenario.keys import unknown_keys
 from iout_marl.scenario.layers import (
     Layer,
+    Overrides,
     mapping_layer,
     overrides_layer,
     parse_file,
@@ -33,7 +34,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 def load_scenario(
     source: str | os.PathLike[str] | Mapping[str, Any] | Scenario,
-    overrides: str | Iterable[str] | Mapping[str, Any] | None = (),
+    overrides: Overrides = (),
     *,
     beside: Path | None = None,
 ) -> Scenario:

@@ -17,13 +17,12 @@ from typing import Any
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.scenario.layers import Layer, overrides_layer
+from iout_marl.scenario.presets import names_preset
 from iout_marl.scenario.sources import find_scenario
 from iout_marl.study.fields import LARGEST, LONGEST, show
 from iout_marl.study.schema import BOUND, PLANNER, TRAINED, Group, Quick, Settings, Study
 from iout_marl.world import WORLD_VERSION, draws_layout_once
 
-#: The key by which a scenario names its training preset.
-PRESET = "training.preset"
 #: More cells than anyone runs, and than a report can show.
 MAX_CELLS = 10_000
 #: Environment steps that are trained in a second, and in the time of a planner's round, about.
@@ -108,7 +107,7 @@ def expand(
             no number, two cells that are the same, no cell at all, or far too many.
     """
     _check_size(study, layer, quick=quick)
-    over = dict(_flat(overrides_layer(overrides).data))
+    over = overrides_layer(overrides)
     cells = [
         cell
         for name, group in study.groups.items()
@@ -141,20 +140,20 @@ def expand(
 
 
 def _expand_group(
-    study: Study, layer: Layer, name: str, group: Group, overrides: Settings, *, quick: bool
+    study: Study, layer: Layer, name: str, group: Group, overrides: Layer, *, quick: bool
 ) -> Iterator[Cell]:
     short = study.quick if quick else Quick()
     rounds = group.planner_rounds if short.planner_rounds is None else short.planner_rounds
     seconds = group.bound_seconds if short.bound_seconds is None else short.bound_seconds
-    last = {**short.settings, **overrides}
-    points = itertools.product(enumerate(group.scenarios), group.variants.items(), _grid(group))
     study_file = Path(layer.origin(()))
+    beside = None if names_preset(overrides) else study_file
+    points = itertools.product(enumerate(group.scenarios), group.variants.items(), _grid(group))
     for (i, source), (variant, changes), point in points:
         where = layer.origin(("groups", name, "scenarios", i))
-        settings = {**group.settings, **changes, **point, **last}
+        settings = {**group.settings, **changes, **point, **short.settings}
         try:
-            beside = None if PRESET in overrides else study_file
-            scenario = load_scenario(_find(source, study_file), settings, beside=beside)
+            above = overrides.over(overrides_layer(settings))
+            scenario = load_scenario(_find(source, study_file), above, beside=beside)
         except InputError as error:
             raise InputError(f"{where}: groups.{name}: {error}") from None
         axis = _axis(scenario, study, layer)
@@ -251,11 +250,3 @@ def _axis(scenario: Scenario, study: Study, layer: Layer) -> float:
             f"{where}: axis.key: {study.axis.key!r} is no number in {scenario.name}, but {value!r}"
         )
     return float(value)
-
-
-def _flat(data: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in data.items():
-        if isinstance(value, dict) and value:
-            yield from _flat(value, f"{path}{key}.")
-        else:
-            yield f"{path}{key}", value

@@ -116,6 +116,7 @@ def _in_fork(folder, work, meanwhile=None):
     printed = folder / "printed"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads: none of them counts
+        signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
         pid = os.fork()
     if pid == 0:
         status = 70
@@ -130,14 +131,19 @@ def _in_fork(folder, work, meanwhile=None):
             sys.stdout = os.fdopen(1, "w", buffering=1)
             sys.stderr = os.fdopen(2, "w", buffering=1)
             torch.set_num_threads(1)
+            status = 130
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)  # may be interrupted right here
+            status = 70
             work()
             status = 0
         except SystemExit as end:
             status = end.code or 0
         except BaseException:  # a fork must not go on with what its parent does
-            traceback.print_exc()
+            if status == 70:
+                traceback.print_exc()
         finally:
             os._exit(status)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     if meanwhile is not None:
         meanwhile(pid)
     return os.waitpid(pid, 0)[1], printed.read_text() if printed.exists() else ""

@@ -190,3 +190,8 @@ def test_keys_that_came_later_leave_the_hashes_of_before_as_they_were():
     # As printed with results from before `channel.access`, `reward.credit` and the others.
     assert load_scenario("paper/k10-fdd").hash == "468cc0bb0e2d"
     assert load_scenario("paper/k3-tdd").hash == "c16af987f02b"
+
+
+def test_no_negative_zero_is_shown():
+    scenario = load_scenario("paper/k3-fdd", ["training.discount=-0.0"])
+    assert str(scenario.training.discount) == "0.0"

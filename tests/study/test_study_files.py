@@ -323,6 +323,15 @@ def test_a_training_preset_is_looked_for_beside_who_names_it(elsewhere):
     assert steps_of(training={"preset": "p.yaml"}) == 222_000
 
 
+@pytest.mark.parametrize("own", [{"settings": {"nodes.count": 2}}, {"grid": {"nodes.count": [2]}}])
+def test_a_list_over_the_studys_own_count_is_meant_as_listed(tmp_path, own):
+    group = {"scenarios": ["paper/k5-fdd"], "policies": ["greedy"], **own}
+    path = write_study(tmp_path / "study.yaml", groups={"g": group}, quick={})
+    assert [cell.scenario.num_nodes for cell in cells_of(path)] == [2]
+    over = cells_of(path, ["nodes.cells=[[1, 1, 1], [2, 2, 1], [3, 3, 1]]"])
+    assert [cell.scenario.num_nodes for cell in over] == [3]
+
+
 def test_quick_that_leaves_nothing_is_refused(tmp_path):
     path = write_study(tmp_path / "study.yaml", quick={"axis": [99]})
     with pytest.raises(InputError, match="no cell left by --quick"):
