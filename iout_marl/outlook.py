@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.arrays.backend import Backend
+from iout_marl.core.grid import Grid
+from iout_marl.core.link import Link
 from iout_marl.errors import InputError
 from iout_marl.scenario import FixedNodes, Scenario, Tdd
-from iout_marl.world.backend import Backend
-from iout_marl.world.grid import Grid
-from iout_marl.world.link import Link
 
 #: Pairs of a cell and a node that are looked at one by one; of more, all that the grid has.
 MAX_PAIRS = 5_000_000
@@ -63,14 +63,14 @@ def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> 
         return (
             f"a node can be heard from its own cell alone: from the next one an uplink takes "
             f"{_joules(uplink_j[away].min())}, more than all {slots:,} slots of an episode bring "
-            f"({_loss(scenario, link, link.channel.uplink_frequency_khz)})"
+            f"({_loss(scenario, link, link.budget.uplink_frequency_khz)})"
         )
     if harvest_j[away].max() * charges <= uplink_j.min():
         return (
             f"a node can be charged from its own cell alone: from the next one a slot brings "
             f"{_joules(harvest_j[away].max())}, and the cheapest uplink takes "
             f"{_joules(uplink_j.min())} "
-            f"({_loss(scenario, link, link.channel.charging_frequency_khz)})"
+            f"({_loss(scenario, link, link.budget.charging_frequency_khz)})"
         )
     return None
 
@@ -88,7 +88,7 @@ def _never_binds(
     if duplex.beta_rule == "paper":
         return poorest_j > dearest_j * scenario.num_slots
     uplink_s = (1 - duplex.beta_min) * link.slot_s
-    required_j = link.channel.required_energy_j(link.power_per_snr_w[offsets], uplink_s)
+    required_j = link.budget.required_energy_j(link.power_per_snr_w[offsets], uplink_s)
     return bool(poorest_j * duplex.beta_min > required_j.max())
 
 
@@ -105,7 +105,7 @@ def _offsets(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
 
 def _loss(scenario: Scenario, link: Link, frequency_khz: float) -> str:
     spacing_m = scenario.grid.spacing_m
-    loss_db = float(link.channel.attenuation_db(spacing_m, frequency_khz))
+    loss_db = float(link.budget.attenuation_db(spacing_m, frequency_khz))
     return f"over {spacing_m:g} m sound of {frequency_khz:g} kHz loses {loss_db:,.0f} dB"
 
 

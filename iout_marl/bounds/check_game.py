@@ -172,7 +172,7 @@ def _time_division(world: World, offsets: Integers, ladder: _Ladder) -> list[lis
     harvested_w, cost_w = link.harvested_w[offsets], link.power_per_snr_w[offsets]
 
     def gain_j(beta: Floats) -> Floats:
-        required_j = link.channel.required_energy_j(cost_w, (1 - beta) * link.slot_s)
+        required_j = link.budget.required_energy_j(cost_w, (1 - beta) * link.slot_s)
         return np.asarray(beta * link.slot_s * harvested_w - required_j)
 
     low, high = (np.full(len(offsets), beta) for beta in (duplex.beta_min, duplex.beta_max))

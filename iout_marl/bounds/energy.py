@@ -140,7 +140,7 @@ def _stored_rule(
     # Charging for β_min comes first only while the store alone does not pay.
     poor_j = np.minimum(levels_j, uplink_j)
     least_s = (1 - duplex.beta_min) * world.link.slot_s
-    least_j = world.link.channel.required_energy_j(power_per_snr_w, least_s)
+    least_j = world.link.budget.required_energy_j(power_per_snr_w, least_s)
     surplus_j = poor_j + duplex.beta_min * harvest_j - least_j
     left_j = np.maximum(np.where(sends_j, levels_j - uplink_j, 0.0), np.maximum(surplus_j, 0.0))
     deliver = np.where(pays | sends_j, _level(levels_j, left_j), -1)

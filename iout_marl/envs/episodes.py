@@ -17,10 +17,10 @@ from iout_marl.envs.maskable import MaskableMultiDiscrete
 from iout_marl.envs.play import BatchedPlay, Play, UnrolledPlay
 from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text, print_text
+from iout_marl.tracing.unrolled import pays_unrolled, unrolled_slot
 from iout_marl.world import Events, State, World, node_codes, redraws_every_episode
 from iout_marl.world.actions import ActionCheck
 from iout_marl.world.observation import Ranges
-from iout_marl.world.unrolled import pays_unrolled, unrolled_slot
 
 #: Of a slot and an environment, by name: see `Episodes.info`.
 INFO_KEYS = (

@@ -7,8 +7,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.tracing.unrolled import Numbers, UnrolledSlot, numbers
 from iout_marl.world import Events, State, World
-from iout_marl.world.unrolled import Numbers, UnrolledSlot, numbers
 
 
 class Play(Protocol):

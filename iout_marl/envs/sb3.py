@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from iout_marl.core.limits import MOST_ENVS
 from iout_marl.envs.arguments import MOST_PROCESSES, AnyScenario
 from iout_marl.envs.parallel import AUVParallelEnv
 from iout_marl.whole import whole_argument
-from iout_marl.world.limits import MOST_ENVS
 
 
 def sb3_vec_env(

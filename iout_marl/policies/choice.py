@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.core.limits import DEAREST_J, UPLINK_W, bounded, unheard
 from iout_marl.scenario import Tdd
 from iout_marl.world import State, World
-from iout_marl.world.limits import DEAREST_J, UPLINK_W, bounded, unheard
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -42,7 +42,7 @@ def links(world: World, cell: Integers, state: State) -> Links:
 
 def near_uplink_j(world: World) -> float:
     """The energy of an uplink from the next cell: what makes a store much or little."""
-    channel = world.link.channel
+    channel = world.link.budget
     power_per_snr_w = channel.power_per_snr_w(world.scenario.grid.spacing_m)
     uplink_j = unheard(channel.required_energy_j)(power_per_snr_w, world.link.slot_s)
     return float(bounded(uplink_j, UPLINK_W[0], DEAREST_J))
@@ -161,7 +161,7 @@ def _noise(world: World, cell: Integers) -> Floats:
     """The factor on an uplink's energy if all other AUVs charge meanwhile, (envs, auvs)."""
     link = world.link
     between = link.offset(cell[:, :, None], cell[:, None, :])
-    louder = link.channel.charging_disturbance_w / link.at(link.power_per_snr_w, between)
+    louder = link.budget.charging_disturbance_w / link.at(link.power_per_snr_w, between)
     noise: Floats = 1 + (louder * (1 - np.eye(cell.shape[1]))).sum(-1)
     return noise
 

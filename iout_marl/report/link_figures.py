@@ -13,7 +13,7 @@ from iout_marl import physics
 from iout_marl.report.content import Line, Plot, Table
 from iout_marl.report.sources import printed_energies
 from iout_marl.scenario import Scenario, load_scenario
-from iout_marl.world import Channel
+from iout_marl.world import LinkBudget
 
 Floats = npt.NDArray[np.float64]
 
@@ -35,16 +35,16 @@ class TddLink:
     def __init__(self, frequency_khz: float | None = None) -> None:
         changes = {} if frequency_khz is None else {"duplex.frequency_khz": frequency_khz}
         self.scenario: Scenario = load_scenario(SCENARIO, changes)
-        self.channel = Channel(self.scenario)
+        self.budget = LinkBudget(self.scenario)
 
     def harvested_j(self, distance_m: npt.ArrayLike, beta: float) -> Floats:
         """Energy harvested in a slot, in J."""
-        return beta * self.scenario.slot_s * self.channel.harvested_power_w(np.asarray(distance_m))
+        return beta * self.scenario.slot_s * self.budget.harvested_power_w(np.asarray(distance_m))
 
     def required_j(self, distance_m: npt.ArrayLike, beta: float) -> Floats:
         """Energy that an uplink in the rest of the slot takes, in J."""
-        cost = self.channel.power_per_snr_w(np.asarray(distance_m))
-        return self.channel.required_energy_j(cost, (1 - beta) * self.scenario.slot_s)
+        cost = self.budget.power_per_snr_w(np.asarray(distance_m))
+        return self.budget.required_energy_j(cost, (1 - beta) * self.scenario.slot_s)
 
     def balance_distance_m(self, beta: npt.ArrayLike) -> Floats:
         """d*: where an uplink takes just what the same slot harvests, g(β) = h(d)."""
@@ -66,7 +66,7 @@ class TddLink:
         attenuation = physics.attenuation_at_balance_db(
             g, float(physics.kappa_3(float(kappa_2), noise))
         )
-        absorption = physics.thorp_absorption_db_per_km(self.channel.uplink_frequency_khz)
+        absorption = physics.thorp_absorption_db_per_km(self.budget.uplink_frequency_khz)
         return physics.attenuation_distance_m(
             attenuation, float(absorption), s.channel.spreading_factor
         )
@@ -76,9 +76,7 @@ class TddLink:
         s = self.scenario
         assert s.channel.kind != "sonar"
         kappa = physics.kappa(s.uplink.packet_bits, s.uplink.bandwidth_hz, s.channel.noise_level_db)
-        loss = self.channel.attenuation_db(
-            np.asarray(distance_m), self.channel.uplink_frequency_khz
-        )
+        loss = self.budget.attenuation_db(np.asarray(distance_m), self.budget.uplink_frequency_khz)
         return physics.approximate_required_energy_j(loss, round(float(kappa), 3))
 
 

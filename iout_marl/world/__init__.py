@@ -1,7 +1,8 @@
 """The world as a batched functional core: `State` and its transition."""
 
-from iout_marl.world.channel import Channel
-from iout_marl.world.grid import Grid
+from iout_marl.core.budget import LinkBudget
+from iout_marl.core.grid import Grid
+from iout_marl.core.state import Events, State
 from iout_marl.world.placement import (
     draws_layout_once,
     has_chance,
@@ -9,14 +10,13 @@ from iout_marl.world.placement import (
     pin_layout,
     redraws_every_episode,
 )
-from iout_marl.world.state import Events, State
 from iout_marl.world.world import WORLD_VERSION, World
 
 __all__ = [
     "WORLD_VERSION",
-    "Channel",
     "Events",
     "Grid",
+    "LinkBudget",
     "State",
     "World",
     "draws_layout_once",

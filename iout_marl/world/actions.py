@@ -9,9 +9,9 @@ import array_api_compat
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.core.grid import Grid
 from iout_marl.errors import InputError
 from iout_marl.whole import short
-from iout_marl.world.grid import Grid
 
 
 def integers(action: Any, what: str = "an action") -> npt.NDArray[Any]:

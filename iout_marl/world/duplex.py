@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 from iout_marl import physics
+from iout_marl.arrays.backend import Backend
+from iout_marl.core.limits import DEAREST_J, bounded, unheard, unheard_on_numpy
+from iout_marl.core.link import Link
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Fdd, Scenario, Tdd
-from iout_marl.world.backend import Backend
-from iout_marl.world.limits import DEAREST_J, bounded, unheard, unheard_on_numpy
-from iout_marl.world.link import Link
 
 
 class Split(NamedTuple):
@@ -89,7 +89,7 @@ class TimeDivision:
         self.interval = (
             link.slot_s,
             scenario.uplink.packet_bits,
-            link.channel.bandwidth_hz,
+            link.budget.bandwidth_hz,
             duplex.beta_min,
             duplex.beta_max,
         )
@@ -99,7 +99,7 @@ class TimeDivision:
         return split.beta < 1
 
     def _required_j(self, power_per_snr_w: Array, beta: Array) -> Array:
-        return self._link.channel.required_energy_j(power_per_snr_w, self._uplink_s(beta))
+        return self._link.budget.required_energy_j(power_per_snr_w, self._uplink_s(beta))
 
     def _uplink_s(self, beta: Array) -> Array:
         # Where nothing is sent, any duration does: 0 would divide by zero.

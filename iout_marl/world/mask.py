@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from iout_marl.arrays.backend import Backend
+from iout_marl.core.link import Link
+from iout_marl.core.state import State
+from iout_marl.core.view import View
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
-from iout_marl.world.backend import Backend
-from iout_marl.world.link import Link
 from iout_marl.world.motion import Motion
-from iout_marl.world.state import State
-from iout_marl.world.view import View
 
 
 class ActionMask:
@@ -35,7 +35,7 @@ class ActionMask:
         #: (auvs, auvs): 1 for each other AUV.
         self._others = backend.floats(1 - np.eye(scenario.num_auvs))
         self._sees_others = scenario.observation.other_auvs
-        best_j = float(np.max(np.asarray(link.channel.harvested_power_w(0.0)))) * link.slot_s
+        best_j = float(np.max(np.asarray(link.budget.harvested_power_w(0.0)))) * link.slot_s
         self._others_at_best_j = backend.floats((scenario.num_auvs - 1) * best_j)
 
     def __call__(self, state: State) -> Array:

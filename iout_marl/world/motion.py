@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.arrays.backend import Backend
+from iout_marl.core.grid import Grid
 from iout_marl.physics.arrays import Array, lookup
-from iout_marl.world.backend import Backend
-from iout_marl.world.grid import Grid
 
 #: The directions of each motion part, as steps in cells. `six` is the paper's eq.
 #: `direction`: right, left, up, down, forward, backward; there is no way to stay.

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.arrays.backend import Backend
+from iout_marl.core.grid import Grid
+from iout_marl.core.limits import FARTHEST_M, UPLINK_W, bounded, unheard
+from iout_marl.core.link import Link
+from iout_marl.core.state import State
 from iout_marl.physics.arrays import Array, lookup, turned
 from iout_marl.scenario import Scenario
-from iout_marl.world.backend import Backend
-from iout_marl.world.grid import Grid
-from iout_marl.world.limits import FARTHEST_M, UPLINK_W, bounded, unheard
-from iout_marl.world.link import Link
-from iout_marl.world.state import State
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Observer:
         self._last_cell = backend.floats([float(max(n - 1, 1)) for n in grid.shape])
         self._maximum_age = float(scenario.age.maximum)
         # All AUVs at the node, charging it alone through the whole episode.
-        best_slot_j = float(link.channel.harvested_power_w(0.0)) * scenario.slot_s
+        best_slot_j = float(link.budget.harvested_power_w(0.0)) * scenario.slot_s
         energy_bound_j = best_slot_j * scenario.num_slots * scenario.num_auvs
         #: Entries of an observation that tell of each node: ages, energies.
         self.node_entries = (slice(3, 3 + num_nodes), slice(3 + num_nodes, 3 + 2 * num_nodes))
@@ -264,7 +264,7 @@ def _nearness(grid: Grid) -> npt.NDArray[np.int64]:
 def _price_j(scenario: Scenario, link: Link) -> float:
     """Energy of an uplink over half the grid's diagonal: the yardstick for stored energy."""
     half_diagonal = 0.5 * scenario.grid.spacing_m * np.linalg.norm(scenario.grid.cells)
-    power_per_snr_w = link.channel.power_per_snr_w(min(float(half_diagonal), FARTHEST_M))
-    price_j = unheard(link.channel.required_energy_j)(power_per_snr_w, link.slot_s)
+    power_per_snr_w = link.budget.power_per_snr_w(min(float(half_diagonal), FARTHEST_M))
+    price_j = unheard(link.budget.required_energy_j)(power_per_snr_w, link.slot_s)
     # Divisors must be no less than numbers are, nor more.
     return float(bounded(price_j, *UPLINK_W))

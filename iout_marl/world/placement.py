@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.core.grid import Grid
 from iout_marl.scenario import FixedNodes, RandomNodes, Scenario
 from iout_marl.scenario.starts import spread_starts
-from iout_marl.world.grid import Grid
 
 
 def draw_cells(grid: Grid, count: int, rng: np.random.Generator) -> npt.NDArray[np.int64]:

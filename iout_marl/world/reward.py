@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from iout_marl.arrays.backend import Backend
+from iout_marl.arrays.nodes import NodeAxis
+from iout_marl.core.age import jain_of
+from iout_marl.core.credit import Credit
+from iout_marl.core.link import Link
+from iout_marl.core.state import Events, State
 from iout_marl.physics.arrays import Array, pick
 from iout_marl.scenario import MeanAgeReward, PaperReward, Scenario
-from iout_marl.world.age import jain_of
-from iout_marl.world.backend import Backend
-from iout_marl.world.credit import Credit
-from iout_marl.world.link import Link
-from iout_marl.world.nodes import NodeAxis
-from iout_marl.world.state import Events, State
 
 
 class Reward(Protocol):

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from iout_marl.arrays.backend import Backend
+from iout_marl.core.limits import UPLINK_W, bounded, unheard, unheard_on_numpy
+from iout_marl.core.link import Link
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario, Tdd
-from iout_marl.world.backend import Backend
 from iout_marl.world.duplex import Split
-from iout_marl.world.limits import UPLINK_W, bounded, unheard, unheard_on_numpy
-from iout_marl.world.link import Link
 
 #: Up to which NumPy eliminates as fast as it solves, in batches of hundreds of systems or more.
 _FEW_ROWS = 4
@@ -122,7 +122,7 @@ class Interference(_ToOneReceiver):
         self._others = backend.floats([[float(a != b) for b in auvs] for a in auvs])
         duplex = scenario.duplex
         self._charging_disturbs = isinstance(duplex, Tdd) and not duplex.synchronised
-        louder = link.channel.charging_disturbance_w / link.power_per_snr_w
+        louder = link.budget.charging_disturbance_w / link.power_per_snr_w
         #: By offset: what an AUV that charges there adds to the noise, beside the noise itself.
         self._louder = bounded(louder, 0.0, UPLINK_W[1])
         self._one = backend.floats(1.0)

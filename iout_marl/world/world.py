@@ -8,28 +8,27 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.arrays.backend import Backend
+from iout_marl.arrays.nodes import NodeAxis
+from iout_marl.core.age import advance, jain_index
+from iout_marl.core.credit import Credit
+from iout_marl.core.grid import Grid
+from iout_marl.core.limits import MOST_ENVS, check_scenario
+from iout_marl.core.link import Link
+from iout_marl.core.state import Events, State
+from iout_marl.core.view import View
 from iout_marl.errors import InputError
 from iout_marl.physics.arrays import Array, cast
 from iout_marl.scenario import Scenario
 from iout_marl.whole import whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
-from iout_marl.world.age import advance, jain_index
-from iout_marl.world.backend import Backend
-from iout_marl.world.charging import charge
-from iout_marl.world.credit import Credit
 from iout_marl.world.duplex import make_duplex
-from iout_marl.world.grid import Grid
-from iout_marl.world.limits import MOST_ENVS, check_scenario
-from iout_marl.world.link import Link
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Motion
-from iout_marl.world.nodes import NodeAxis
 from iout_marl.world.observation import Observer
 from iout_marl.world.placement import start_cells
 from iout_marl.world.reward import make_reward
-from iout_marl.world.state import Events, State
 from iout_marl.world.uplink import Request, make_access
-from iout_marl.world.view import View
 
 #: Changes whenever the same scenario, seed and actions would lead elsewhere, rounding apart.
 WORLD_VERSION = 0
@@ -171,7 +170,8 @@ class World:
 
         stored_j = nodes.chosen(state.energy_j, heard_place)
         split = self.duplex.split(charged_offset, heard_offset, stored_j)
-        harvested_j = charge(link, charged_offset, split)
+        # Eq. `E harvested`; a node charged by two AUVs gets both.
+        harvested_j = link.at(link.harvested_w, charged_offset) * split.charging_s
         payable_j = nodes.plus(state.energy_j, charged_place, harvested_j)
 
         heard_payable_j = nodes.chosen(payable_j, heard_place)

@@ -10,10 +10,10 @@ import numpy as np
 from campaigns.campaign import Campaign, Tally
 from campaigns.scenarios_for_slots import draw_settings
 from iout_marl import iout_v0
+from iout_marl.core.limits import reward_bounds
 from iout_marl.errors import InputError
 from iout_marl.scenario import FixedNodes, Scenario, load_scenario
 from iout_marl.world import World, node_codes
-from iout_marl.world.limits import reward_bounds
 
 #: Environments of a batch, at most, and scenarios that a short campaign sees at least.
 MOST_ENVS, FEWEST_SCENARIOS = 4096, 8

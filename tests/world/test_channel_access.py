@@ -89,7 +89,7 @@ def sinr(world, before, state, events, env):
     offset = link.offset(cell[auvs][:, None], node_cell[nodes][None, :])
     received = power_w / link.power_per_snr_w[offset]
     noise = 1 + received.sum(axis=1) - np.diag(received)
-    need = world.scenario.uplink.packet_bits / (uplink_s * link.channel.bandwidth_hz)
+    need = world.scenario.uplink.packet_bits / (uplink_s * link.budget.bandwidth_hz)
     return np.diag(received) / noise / (2**need - 1)
 
 
@@ -132,8 +132,8 @@ def test_exclusive_lets_one_uplink_through_and_collisions_cost_their_energy(seed
 def test_orthogonal_gives_each_auv_its_part_of_the_band():
     for auvs in (1, 2, 4):
         world = World(several("paper/k5-fdd", "orthogonal", auvs=auvs))
-        assert world.link.channel.bandwidth_hz == 3000 / auvs
-    assert World(several("paper/k5-fdd", "interference")).link.channel.bandwidth_hz == 3000
+        assert world.link.budget.bandwidth_hz == 3000 / auvs
+    assert World(several("paper/k5-fdd", "interference")).link.budget.bandwidth_hz == 3000
 
 
 def crossing(access, stored_j, auvs=3, **changes):

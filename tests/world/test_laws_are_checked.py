@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from campaigns.slots import run
 
+from iout_marl.tracing.unrolled import unrolled_slot
 from iout_marl.world import world as world_module
 from iout_marl.world.duplex import FrequencyDivision, StoredRule
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Motion
-from iout_marl.world.unrolled import unrolled_slot
 from iout_marl.world.uplink import Interference
 from iout_marl.world.world import World
 

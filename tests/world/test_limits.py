@@ -9,8 +9,8 @@ from iout_marl.errors import InputError
 from iout_marl.policies import make_baseline
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.scenario.keys import ranges_of
+from iout_marl.tracing.unrolled import UnrolledSlot, numbers
 from iout_marl.world import World, node_codes
-from iout_marl.world.unrolled import UnrolledSlot, numbers
 
 TEAM = {"auvs.start_cells": [[5, 5, 2], [1, 1, 1], [9, 9, 4]]}
 SONAR = {"channel": {"kind": "sonar", "access": "interference"}}
@@ -161,5 +161,5 @@ def test_limits_change_nothing_that_is_plausible():
     for name, sonar in itertools.product(["paper/k10-fdd", "multi/m3-k20-tdd"], [{}, SONAR]):
         scenario = load_scenario(name, sonar)
         link = World(scenario).link
-        free_w = link.channel._power_per_snr_w(link.distance_m)
+        free_w = link.budget._power_per_snr_w(link.distance_m)
         np.testing.assert_array_equal(link.power_per_snr_w, free_w)

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from test_world_laws import ACCESS, NAMES, STARTS
 
 from iout_marl.scenario import load_scenario
+from iout_marl.tracing.program import Program
+from iout_marl.tracing.symbols import LIBRARY, SymbolArray, UnknownOperationError
+from iout_marl.tracing.unrolled import UnrolledSlot, numbers, pays_unrolled, unrolled_slot
 from iout_marl.world import World, node_codes
-from iout_marl.world.program import Program
-from iout_marl.world.symbols import LIBRARY, SymbolArray, UnknownOperationError
-from iout_marl.world.unrolled import UnrolledSlot, numbers, pays_unrolled, unrolled_slot
 
 #: Settings that between them use every part of the world.
 PARTS = st.fixed_dictionaries(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from iout_marl import physics
+from iout_marl.core.limits import UPLINK_W, bounded, unheard
 from iout_marl.physics.arrays import Array, ArrayLike
 from iout_marl.scenario import Fdd, PaperChannel, Scenario
 from iout_marl.scenario.sections import Absorption
-from iout_marl.world.limits import UPLINK_W, bounded, unheard
 
 
 def absorption_db_per_km(absorption: Absorption, frequency_khz: ArrayLike) -> Array:
@@ -24,7 +24,7 @@ def absorption_db_per_km(absorption: Absorption, frequency_khz: ArrayLike) -> Ar
     )
 
 
-class Channel:
+class LinkBudget:
     """What charging brings and an uplink costs, by distance.
 
     Its arguments are not checked: a scenario may say what physics refuses.

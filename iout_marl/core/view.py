@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from iout_marl.arrays.backend import Backend
+from iout_marl.arrays.nodes import NodeAxis
+from iout_marl.core.limits import FARTHEST_M
+from iout_marl.core.link import Link
+from iout_marl.core.state import State
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
-from iout_marl.world.backend import Backend
-from iout_marl.world.limits import FARTHEST_M
-from iout_marl.world.link import Link
-from iout_marl.world.nodes import NodeAxis
-from iout_marl.world.state import State
 
 
 class View:

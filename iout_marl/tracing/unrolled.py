@@ -18,13 +18,13 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.core.grid import Grid
+from iout_marl.core.limits import unheard
+from iout_marl.core.state import Events, State
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
-from iout_marl.world.grid import Grid
-from iout_marl.world.limits import unheard
-from iout_marl.world.program import Program
-from iout_marl.world.state import Events, State
-from iout_marl.world.symbols import LIBRARY, SymbolArray, objects
+from iout_marl.tracing.program import Program
+from iout_marl.tracing.symbols import LIBRARY, SymbolArray, objects
 from iout_marl.world.world import World
 
 #: Plain numbers, in the order in which they lie in one array or in several, one after the other.

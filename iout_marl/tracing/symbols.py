@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.world.program import Program, Symbol, divide, expm1, sqrt
+from iout_marl.tracing.program import Program, Symbol, divide, expm1, sqrt
 
 #: Types of numbers, the widest last.
 _KINDS = (bool, int, float)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from iout_marl.arrays.backend import Backend
+from iout_marl.core.budget import LinkBudget
+from iout_marl.core.grid import Grid
+from iout_marl.core.limits import DEAREST_J, FARTHEST_M, bounded, check_link, unheard
 from iout_marl.physics.arrays import Array, lookup
 from iout_marl.scenario import Scenario
-from iout_marl.world.backend import Backend
-from iout_marl.world.channel import Channel
-from iout_marl.world.grid import Grid
-from iout_marl.world.limits import DEAREST_J, FARTHEST_M, bounded, check_link, unheard
 
 
 class Link:
@@ -26,14 +26,14 @@ class Link:
 
     @unheard
     def __init__(self, scenario: Scenario, grid: Grid, backend: Backend) -> None:
-        self.channel = Channel(scenario)
+        self.budget = LinkBudget(scenario)
         self.slot_s = scenario.slot_s
         self._xp = backend.xp
         self._origin = backend.integers(grid.offset_origin)
         distance_m = bounded(grid.offset_distances() * scenario.grid.spacing_m, 0.0, FARTHEST_M)
-        harvested_w = self.channel.harvested_power_w(distance_m)
-        power_per_snr_w = self.channel.power_per_snr_w(distance_m)
-        uplink_j = self.channel.required_energy_j(power_per_snr_w, self.slot_s)
+        harvested_w = self.budget.harvested_power_w(distance_m)
+        power_per_snr_w = self.budget.power_per_snr_w(distance_m)
+        uplink_j = self.budget.required_energy_j(power_per_snr_w, self.slot_s)
         uplink_j = bounded(uplink_j, 0.0, DEAREST_J)
         powers = {"power of an uplink": power_per_snr_w, "energy of an uplink": uplink_j}
         check_link(scenario, float(harvested_w.max()), powers)

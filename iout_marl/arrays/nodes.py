@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from iout_marl.arrays.backend import Backend
 from iout_marl.physics.arrays import Array, add_at, adds_at_indices, lookup, turned
-from iout_marl.world.backend import Backend
 
 
 class NodeAxis:

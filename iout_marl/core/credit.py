@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeAlias
 
+from iout_marl.arrays.backend import Backend
+from iout_marl.arrays.nodes import NodeAxis
+from iout_marl.core.age import advance
+from iout_marl.core.state import State
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
-from iout_marl.world.age import advance
-from iout_marl.world.backend import Backend
-from iout_marl.world.nodes import NodeAxis
-from iout_marl.world.state import State
 
 #: A term of the network: takes ages and deliveries, (…, nodes) each, and gives (…).
 NetworkTerm: TypeAlias = Callable[[Array, Array], Array]

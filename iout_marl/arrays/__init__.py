@@ -1,0 +1,1 @@
+"""What array libraries do differently, and arrays over nodes."""

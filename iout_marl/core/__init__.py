@@ -1,0 +1,1 @@
+"""What parts and world both speak of: grid, links, ages, state."""

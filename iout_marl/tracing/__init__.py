@@ -1,0 +1,1 @@
+"""A slot of a single environment, written as straight-line Python."""
