@@ -11,7 +11,7 @@ from rich.text import Text
 from iout_marl.cli_options import JsonFile, Overrides, ScenarioArgument, expanded, give_out, whole
 from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
 from iout_marl.evaluation import Evaluation
-from iout_marl.scenario import RandomNodes, load_scenario
+from iout_marl.scenario import load_scenario
 from iout_marl.terminal import present
 from iout_marl.whole import MAX_SEED
 from iout_marl.words import counted
@@ -64,7 +64,7 @@ def bound_command(
     loaded = with_layout_of_runs(load_scenario(scenario, overrides or []), names, transfer=False)
     if seed is not None:
         loaded = pin_layout(loaded, seed)
-    episodes = RANDOM_EPISODES if isinstance(loaded.nodes, RandomNodes) else 1
+    episodes = 1 if loaded.nodes.part.redraws == "never" else RANDOM_EPISODES
     played = {
         name: evaluate_named(loaded, name, episodes, seed or 0, transfer=False) for name in names
     }

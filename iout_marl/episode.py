@@ -9,7 +9,7 @@ import numpy as np
 
 from iout_marl.evaluation import play
 from iout_marl.policies import Policy
-from iout_marl.scenario import Scenario, Tdd
+from iout_marl.scenario import Scenario
 from iout_marl.world import World, pin_layout
 
 
@@ -46,7 +46,7 @@ def record_episode(scenario: Scenario, policy: Policy, seed: int = 0) -> Episode
     """Play one episode, the first of those of `evaluate`, and keep it all."""
     world = World(pin_layout(scenario, seed), 1)
     cells = world.grid.coordinate_table() + 1
-    is_tdd = isinstance(scenario.duplex, Tdd)
+    splits_slot = world.duplex.splits_slot
     path, charged, heard, delivered, ages, nodes = [], [], [], [], [], []
     for state, events in play(world, policy, seed):
         path.append(cells[state.cell[0]].tolist())
@@ -54,8 +54,8 @@ def record_episode(scenario: Scenario, policy: Policy, seed: int = 0) -> Episode
             nodes = cells[state.node_cell[0]].tolist()
             continue
         beta = events.beta[0]
-        charged.append(np.where(is_tdd & (beta == 0), 0, events.charged[0] + 1).tolist())
-        heard.append(np.where(is_tdd & (beta == 1), 0, events.heard[0] + 1).tolist())
+        charged.append(np.where(splits_slot & (beta == 0), 0, events.charged[0] + 1).tolist())
+        heard.append(np.where(splits_slot & (beta == 1), 0, events.heard[0] + 1).tolist())
         delivered.append(events.delivered[0].tolist())
         ages.append(state.age[0].astype(int).tolist())
     return Episode(

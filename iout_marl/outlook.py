@@ -9,7 +9,7 @@ from iout_marl.arrays.backend import Backend
 from iout_marl.core.grid import Grid
 from iout_marl.core.link import Link
 from iout_marl.errors import InputError
-from iout_marl.scenario import FixedNodes, Scenario, Tdd
+from iout_marl.scenario import Scenario
 
 #: Pairs of a cell and a node that are looked at one by one; of more, all that the grid has.
 MAX_PAIRS = 5_000_000
@@ -44,8 +44,8 @@ def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> 
     poorest, richest, dearest = harvest_j.min(), harvest_j.max(), uplink_j.max()
     slots = scenario.num_slots
     bounds = f"a slot harvests {_joules(poorest)} to {_joules(richest)}"
-    if _never_binds(scenario, link, offsets, poorest, dearest):
-        disturbed = scenario.num_auvs > 1 and scenario.channel.access == "interference"
+    if scenario.duplex.part.energy_never_binds(link, offsets, scenario.num_slots):
+        disturbed = scenario.num_auvs > 1 and scenario.channel.part.access.uplinks_disturb
         when = "bind only where uplinks disturb one another" if disturbed else "never bind"
         uplink = f"the dearest uplink takes {_joules(dearest)}" + " alone" * disturbed
         return f"energy can {when}: {bounds}, and {uplink}"
@@ -75,31 +75,14 @@ def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> 
     return None
 
 
-def _never_binds(
-    scenario: Scenario,
-    link: Link,
-    offsets: npt.NDArray[np.int64],
-    poorest_j: float,
-    dearest_j: float,
-) -> bool:
-    duplex = scenario.duplex
-    if not isinstance(duplex, Tdd):
-        return poorest_j > dearest_j
-    if duplex.beta_rule == "paper":
-        return poorest_j > dearest_j * scenario.num_slots
-    uplink_s = (1 - duplex.beta_min) * link.slot_s
-    required_j = link.budget.required_energy_j(link.power_per_snr_w[offsets], uplink_s)
-    return bool(poorest_j * duplex.beta_min > required_j.max())
-
-
 def _offsets(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
     """Indices of the links between any cell and any node; entries that no pair has are at 0 m."""
-    nodes = scenario.nodes
+    placement = scenario.nodes.part
     every = np.arange(2 * grid.num_codes - 1)
-    if not isinstance(nodes, FixedNodes) or grid.num_cells * scenario.num_nodes > MAX_PAIRS:
+    if placement.redraws != "never" or grid.num_cells * scenario.num_nodes > MAX_PAIRS:
         return every
     cells = grid.encode(grid.all_coordinates())
-    given = grid.encode(np.array(nodes.cells[: scenario.num_nodes]) - 1)
+    given = grid.encode(placement.draw(grid, np.random.default_rng(0)))
     return np.unique(cells[:, None] - given + grid.offset_origin)
 
 

@@ -105,7 +105,7 @@ class Sound:
         fdd = duplex.kind == "fdd"
         self.charging_khz = duplex.charging_frequency_khz if fdd else duplex.frequency_khz
         self.uplink_khz = duplex.uplink_frequency_khz if fdd else duplex.frequency_khz
-        alone = scenario.num_auvs == 1 or channel.access != "orthogonal"
+        alone = scenario.num_auvs == 1 or channel.access.kind != "orthogonal"
         self.bandwidth_hz = uplink.bandwidth_hz / (1 if alone else scenario.num_auvs)
         self.absorption_db_per_km = {f: self.alpha(f) for f in (self.charging_khz, self.uplink_khz)}
         if channel.kind == "sonar":
@@ -295,14 +295,14 @@ class Oracle:
         d, stored = self.distance_m(auv, node), self.energy_j[node]
         low, high = duplex.beta_min, duplex.beta_max
         suffices = stored > self.sound.required_j(d, tau)
-        credit = stored if duplex.beta_rule == "stored" else 0.0
+        credit = stored if duplex.beta_rule.kind == "stored" else 0.0
 
         def surplus(beta: float) -> float:
             harvested = self.sound.harvested_j(d, beta * tau)
             return credit + harvested - self.sound.required_j(d, (1 - beta) * tau)
 
         best = summit(surplus, low, high)
-        if duplex.beta_rule == "stored":
+        if duplex.beta_rule.kind == "stored":
             if suffices:
                 return 0.0
             if surplus(low) >= 0:
@@ -346,7 +346,7 @@ class Oracle:
                 for *_, auv in takers:
                     self.events[auv].contested = len(takers) > 1
                 sending[min(takers)[-1]] = node
-        access = self.scenario.channel.access
+        access = self.scenario.channel.access.kind
         alone = {auv: self.alone_j(auv, node) for auv, node in sending.items()}
         if access == "interference" and len(self.auvs) > 1:
             self.share_the_band(sending, alone)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario
@@ -25,20 +26,28 @@ def differences(first: Scenario, second: Scenario) -> list[str]:
     return [key for key in {**a, **b} if a.get(key) != b.get(key)]
 
 
-def _traits(scenario: Scenario) -> dict[str, str | int]:
-    """What says how many entries observations and actions have, and what they mean."""
+def _interface(scenario: Scenario) -> dict[str, tuple[Any, Any]]:
+    """What says how many entries observations and actions have, and what they mean.
+
+    By key: what must be the same, and what is shown where it is not.
+    """
     seen, several = scenario.observation, scenario.num_auvs > 1
-    return {
+    view = "null" if seen.view_range_m is None else "a range"
+    plain = {
         "auvs.count": scenario.num_auvs,
         "nodes.count": scenario.num_nodes,
-        "duplex.kind": scenario.duplex.kind,
-        "auvs.motion": scenario.auvs.motion,
         "observation.kind": seen.kind,
         "observation.node_positions": seen.node_positions,
         "observation.time": seen.time,
         "observation.other_auvs": seen.other_auvs and several,
         "observation.agent_index": seen.agent_index,
-        "observation.view_range_m": "null" if seen.view_range_m is None else "a range",
+        "observation.view_range_m": view,
+    }
+    motion, duplex = scenario.auvs.motion, scenario.duplex
+    return {
+        "duplex.kind": (duplex.part.num_choices, duplex.kind),
+        "auvs.motion": (tuple(map(tuple, motion.part.steps)), motion.kind),
+        **{key: (value, value) for key, value in plain.items()},
     }
 
 
@@ -62,11 +71,11 @@ def load_run(run: Path, scenario: Scenario, *, transfer: bool) -> tuple[RunFolde
         raise InputError(f"{run}: its policy is of another scenario than scenario.yaml beside it")
     if scenario.world_hash in (shape["world_hash"], shape["source_world_hash"]):
         return folder, scenario.model_copy(update={"nodes": own.nodes})
-    given = _traits(scenario)
+    given = _interface(scenario)
     misfits = [
-        f"{key} {needed}, not {given[key]}"
-        for key, needed in _traits(own).items()
-        if needed != given[key]
+        f"{key} {shown}, not {given[key][1]}"
+        for key, (needed, shown) in _interface(own).items()
+        if needed != given[key][0]
     ]
     if misfits:
         raise InputError(

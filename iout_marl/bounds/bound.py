@@ -16,7 +16,7 @@ from iout_marl.bounds.opening import search
 from iout_marl.bounds.scheduling import least_age_sum
 from iout_marl.bounds.sharing import fits
 from iout_marl.errors import InputError
-from iout_marl.scenario import RandomNodes, Scenario, Tdd, load_scenario
+from iout_marl.scenario import Scenario, load_scenario
 
 #: How long a bound is searched for unless told otherwise.
 USUAL_SECONDS = 60.0
@@ -115,9 +115,9 @@ def bound(
     found = [Certificate(scenario.world_hash, scheduled)]
     if is_covered(scenario):
         highest = round(node_slots * (best_known or scenario.age.maximum))
-        is_tdd = isinstance(scenario.duplex, Tdd)
-        found.append(_opening(scenario, scheduled, highest, seconds / 4 if is_tdd else seconds))
-        if is_tdd and (sharing := _sharing(scenario, deadline - time.monotonic())):
+        names_one = scenario.duplex.part.num_choices == 1
+        found.append(_opening(scenario, scheduled, highest, seconds / 4 if names_one else seconds))
+        if names_one and (sharing := _sharing(scenario, deadline - time.monotonic())):
             found.append(sharing)
     certificate = _highest_verified(scenario, found)
     energy_and_travel = certificate.age_sum / node_slots if is_covered(scenario) else None
@@ -169,12 +169,18 @@ def _highest_verified(scenario: Scenario, found: list[Certificate]) -> Certifica
 
 
 def _validity(scenario: Scenario) -> str:
-    if isinstance(scenario.nodes, RandomNodes):
-        when = "every episode" if scenario.nodes.redraw == "episode" else "every run"
+    redraws = scenario.nodes.part.redraws
+    if redraws != "never":
+        when = f"every {redraws}"
         return (
             f"nodes are drawn for {when}: the scheduling bound holds for every layout, "
             "one by energy and travel would hold for fixed nodes only"
         )
     if scenario.num_auvs > 1:
         return "the scheduling bound holds; the one by energy and travel is for one AUV"
+    if not scenario.duplex.part.has_tables:
+        return (
+            "the scheduling bound holds; for one by energy and travel the duplex part "
+            f"{scenario.duplex.kind!r} would have to state what a slot does to stored energy"
+        )
     return "both bounds hold for every policy"

@@ -20,7 +20,7 @@ from iout_marl.bounds.prices import Prices
 from iout_marl.bounds.scheduling import MOST_AGE_SUM
 from iout_marl.bounds.sharing_check import proven_age_sum
 from iout_marl.errors import InputError, did_you_mean
-from iout_marl.scenario import Scenario, Tdd, load_scenario
+from iout_marl.scenario import Scenario, load_scenario
 
 #: The fields of each kind in JSON.
 _CLAIM = ("kind", "world_hash", "age_sum")
@@ -191,7 +191,8 @@ def verified_age_sum(scenario: str | Scenario, certificate: Certificate) -> int:
     _check_is_for(scenario, certificate)
     claimed = certificate.age_sum
     start = np.full((1, scenario.num_nodes), scenario.age.initial, dtype=np.int64)
-    resets = 1 if scenario.channel.access == "exclusive" else scenario.num_auvs
+    uplinks: int = scenario.channel.part.access.max_uplinks_per_slot(scenario.num_auvs)
+    resets = min(uplinks, scenario.num_auvs)
     proven = int(oldest_first(start, scenario.num_slots, scenario.age.maximum, resets)[0])
     if claimed <= proven:
         return claimed
@@ -231,8 +232,11 @@ def _check_is_for(scenario: Scenario, certificate: Certificate) -> None:
     untrusted.whole_number("age_sum", certificate.age_sum, 0, highest)
     if certificate.prices is None or certificate.oldest is None:
         return
-    if not isinstance(scenario.duplex, Tdd):
-        raise InputError("certificate: kind: the sharing bound is for TDD, not for FDD")
+    if scenario.duplex.part.num_choices > 1:
+        raise InputError(
+            "certificate: kind: the sharing bound is for scenarios where an AUV names one node, "
+            "as in TDD"
+        )
     untrusted.whole_number("oldest", certificate.oldest, 2, max(2, maximum))
     slots, presence = certificate.prices.slots, certificate.prices.presence
     if slots[-1] != last:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.bounds.energy import COARSE, Ladder, Tables, ladder_j, make_tables, tolerance_j
+from iout_marl.bounds.energy import COARSE, Ladder, ladder_j, make_tables, tolerance_j
+from iout_marl.core.levels import Tables
 from iout_marl.scenario import Scenario
 from iout_marl.world import World, node_codes
 

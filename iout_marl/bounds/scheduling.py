@@ -17,12 +17,11 @@ MOST_AGE_SUM = 2**62
 def resets_per_slot(scenario: Scenario) -> int:
     """R, the number of ages that one slot can reset.
 
-    An AUV hears one node a slot, and a node delivers to one AUV at most: min(M, K), or one
-    where `channel.access` is `exclusive`.
+    An AUV hears one node a slot, and a node delivers to one AUV at most: min(M, K), or less
+    where the access part lets fewer uplinks arrive.
     """
-    if scenario.channel.access == "exclusive":
-        return 1
-    return min(scenario.num_auvs, scenario.num_nodes)
+    uplinks: int = scenario.channel.part.access.max_uplinks_per_slot(scenario.num_auvs)
+    return min(uplinks, scenario.num_auvs, scenario.num_nodes)
 
 
 def least_remaining_ages(ages: Integers, num_slots: int, maximum: int, resets: int) -> Integers:

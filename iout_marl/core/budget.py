@@ -2,26 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from iout_marl import physics
 from iout_marl.core.limits import UPLINK_W, bounded, unheard
 from iout_marl.physics.arrays import Array, ArrayLike
-from iout_marl.scenario import Fdd, PaperChannel, Scenario
-from iout_marl.scenario.sections import Absorption
-
-
-def absorption_db_per_km(absorption: Absorption, frequency_khz: ArrayLike) -> Array:
-    """α(f) by the formula that a scenario names."""
-    if absorption.kind == "thorp":
-        return physics.thorp_absorption_db_per_km.unchecked(frequency_khz)
-    return physics.francois_garrison_absorption_db_per_km.unchecked(
-        frequency_khz,
-        absorption.temperature_c,
-        absorption.salinity_psu,
-        absorption.depth_m,
-        absorption.ph,
-    )
+from iout_marl.scenario import Scenario
 
 
 class LinkBudget:
@@ -30,45 +14,35 @@ class LinkBudget:
     Its arguments are not checked: a scenario may say what physics refuses.
 
     Args:
-        scenario: the scenario, whose `channel.kind` chooses the convention (`table`,
-            `equation` or `sonar`) and whose `duplex` gives the frequencies.
+        scenario: the scenario, whose channel gives the levels and whose duplex the frequencies.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        duplex = scenario.duplex
-        if isinstance(duplex, Fdd):
-            self.charging_frequency_khz = duplex.charging_frequency_khz
-            self.uplink_frequency_khz = duplex.uplink_frequency_khz
-        else:
-            self.charging_frequency_khz = self.uplink_frequency_khz = duplex.frequency_khz
-        shares = scenario.num_auvs if scenario.channel.access == "orthogonal" else 1
+        self._channel = scenario.channel.part
+        duplex = scenario.duplex.part
+        self.charging_frequency_khz: float = duplex.charging_frequency_khz
+        self.uplink_frequency_khz: float = duplex.uplink_frequency_khz
         #: Bandwidth of an uplink in Hz.
-        self.bandwidth_hz = scenario.uplink.bandwidth_hz / shares
+        self.bandwidth_hz: float = scenario.uplink.bandwidth_hz / self._channel.access.num_bands(
+            scenario.num_auvs
+        )
 
     def attenuation_db(self, distance_m: ArrayLike, frequency_khz: float) -> Array:
         """Loss between source and receiver in dB, in the shape of `distance_m`."""
-        channel = self._scenario.channel
-        alpha = float(absorption_db_per_km(channel.absorption, frequency_khz))
-        if channel.kind == "table":
-            return physics.table_attenuation_db.unchecked(
-                distance_m, alpha, channel.spreading_factor
-            )
-        return physics.transmission_loss_db.unchecked(distance_m, alpha, channel.spreading_factor)
+        return self._channel.attenuation_db(distance_m, frequency_khz)
 
     @unheard
     def harvested_power_w(self, distance_m: ArrayLike) -> Array:
         """Power that a node harvests from an AUV `distance_m` away, in W."""
         charging, harvester = self._scenario.charging, self._scenario.harvester
-        channel = self._scenario.channel
         source_level = physics.source_level_db.unchecked(
             charging.power_w, charging.efficiency, charging.directivity_index_db
         )
         received = physics.received_level_db.unchecked(
             float(source_level),
             self.attenuation_db(distance_m, self.charging_frequency_khz),
-            # The paper subtracts the noise from the energy signal; real noise adds power.
-            channel.noise_level_db if isinstance(channel, PaperChannel) else 0.0,
+            self._channel.charging_noise_db,
         )
         return physics.harvested_power_w.unchecked(
             received,
@@ -84,18 +58,8 @@ class LinkBudget:
         return bounded(self._power_per_snr_w(distance_m), *UPLINK_W)
 
     def _power_per_snr_w(self, distance_m: ArrayLike) -> Array:
-        channel = self._scenario.channel
-        loss = self.attenuation_db(distance_m, self.uplink_frequency_khz)
-        if isinstance(channel, PaperChannel):
-            return physics.transmit_power_w.unchecked(1.0, loss, channel.noise_level_db)
-        noise = physics.ambient_noise_band_level_db.unchecked(
-            self.uplink_frequency_khz,
-            self.bandwidth_hz,
-            channel.shipping,
-            channel.wind_m_per_s,
-        )
-        return physics.sonar_transmit_power_w.unchecked(
-            1.0, loss, noise, channel.uplink_efficiency, channel.uplink_directivity_index_db
+        return self._channel.power_per_snr_w(
+            distance_m, self.uplink_frequency_khz, self.bandwidth_hz
         )
 
     def required_energy_j(self, power_per_snr_w: ArrayLike, uplink_s: ArrayLike) -> Array:
@@ -114,13 +78,8 @@ class LinkBudget:
     def charging_disturbance_w(self) -> float:
         """Power of an uplink, in W, that would sound as loud as an AUV that charges.
 
-        Off its beam an AUV radiates its acoustic power, without the directivity of the
-        beam; uplinks are computed in acoustic power (`table`, `equation`) or in electric power
-        through their own projector (`sonar`).
+        Off its beam an AUV radiates its acoustic power, without the directivity of the beam.
         """
-        charging, channel = self._scenario.charging, self._scenario.channel
-        acoustic_w = charging.power_w * charging.efficiency
-        if isinstance(channel, PaperChannel):
-            return acoustic_w
-        gain = np.float64(10) ** (channel.uplink_directivity_index_db / 10)
-        return float(bounded(acoustic_w / (channel.uplink_efficiency * gain), 0.0, UPLINK_W[1]))
+        charging = self._scenario.charging
+        uplink_w: float = self._channel.as_uplink_w(charging.power_w * charging.efficiency)
+        return uplink_w

@@ -30,7 +30,7 @@ class Credit:
     """
 
     def __init__(self, scenario: Scenario, nodes: NodeAxis, backend: Backend) -> None:
-        self.is_shared = scenario.reward.credit == "team"
+        self.is_shared = not scenario.reward.part.is_credited_apart
         self._nodes = nodes
         self._backend = backend
         self._shape = (scenario.num_auvs, 0 if self.is_shared else scenario.num_nodes)

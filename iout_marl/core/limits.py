@@ -15,7 +15,7 @@ import numpy as np
 
 from iout_marl.errors import InputError
 from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
-from iout_marl.scenario import MeanAgeReward, PaperChannel, Scenario
+from iout_marl.scenario import Scenario
 
 #: Where distances in m and powers of uplinks in W stop.
 FARTHEST_M = 1e30
@@ -68,7 +68,7 @@ def check_scenario(scenario: Scenario) -> None:
             raise InputError(f"{key} must lie between {_FROM:g} and {_TO:g}, not {value:g}")
     bounds = reward_bounds(scenario)
     total = sum(bounds.values()) * scenario.num_slots
-    if not total <= MOST_REWARD:
+    if bounds and not total <= MOST_REWARD:
         key = max(bounds, key=lambda key: bounds[key])
         raise InputError(
             f"{key}: makes rewards of an episode as large as {total:.3g}; "
@@ -103,34 +103,19 @@ def check_link(scenario: Scenario, harvested_w: float, tables: dict[str, Any]) -
 
 def _loudest(scenario: Scenario) -> str:
     """The key that makes the most of what is harvested, in dB."""
-    charging, harvester, channel = scenario.charging, scenario.harvester, scenario.channel
+    charging, harvester = scenario.charging, scenario.harvester
     shares_db = {
         "harvester.sensitivity_db": harvester.sensitivity_db,
         "harvester.load_resistance_ohm": -10 * math.log10(harvester.load_resistance_ohm),
         "charging.directivity_index_db": charging.directivity_index_db,
         "charging.power_w": 10 * math.log10(charging.power_w),
     }
-    if isinstance(channel, PaperChannel):
-        shares_db["channel.noise_level_db"] = -channel.noise_level_db
+    shares_db |= scenario.channel.part.harvest_db()
     return max(shares_db, key=lambda key: shares_db[key])
 
 
 def reward_bounds(scenario: Scenario) -> dict[str, float]:
     """By key: how large it can make the reward of a slot."""
-    oldest = min(scenario.age.maximum, scenario.age.initial + scenario.num_slots)
-    mean_age = oldest * (math.fsum(w / scenario.num_nodes for w in scenario.node_weights))
-    reward = scenario.reward
-    if isinstance(reward, MeanAgeReward):
-        bounds = {"nodes.weights": mean_age, "reward.fairness_weight": reward.fairness_weight}
-    else:
-        penalties = {
-            f"reward.{name}": abs(value)
-            for name, value in reward.model_dump().items()
-            if name.endswith("_penalty")
-        }
-        penalties["reward.unserved_penalty"] *= scenario.num_nodes
-        weighted = mean_age * abs(reward.age_weight)
-        key = "nodes.weights" if mean_age > abs(reward.age_weight) else "reward.age_weight"
-        bounds = {key: weighted} | penalties
+    bounds: dict[str, float] = scenario.reward.part.bounds(scenario)
     # A difference of two of them is credited.
     return {key: 2 * bound for key, bound in bounds.items()}

@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from iout_marl.policies.choice import links, near_uplink_j
 from iout_marl.policies.simulator import Integers, Simulator, rows
-from iout_marl.scenario import Tdd
 from iout_marl.world import State
 
 Floats = npt.NDArray[np.float64]
@@ -32,7 +31,7 @@ class Weights(NamedTuple):
     @classmethod
     def usual(cls, simulator: Simulator) -> Weights:
         """What serves well in most worlds."""
-        return cls(3.0, 3.0, 0.3 if isinstance(simulator.world.scenario.duplex, Tdd) else 1.5)
+        return cls(3.0, 3.0, 0.3 if simulator.world.duplex.num_choices == 1 else 1.5)
 
     def varied(self, rng: np.random.Generator, octaves: float) -> Weights:
         """Each weight up or down by a random factor; a standard deviation of so many octaves."""

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from iout_marl.core.limits import DEAREST_J, UPLINK_W, bounded, unheard
-from iout_marl.scenario import Tdd
 from iout_marl.world import State, World
 
 Floats = npt.NDArray[np.float64]
@@ -66,7 +64,7 @@ def choose(world: World, state: State, cell: Integers, hastes: tuple[float, ...]
         (hastes, envs, auvs, 1 or 2): the entries of an action after the direction.
     """
     here = links(world, cell, state)
-    if isinstance(world.scenario.duplex, Tdd):
+    if world.duplex.num_choices == 1:
         return _choose_one(world, state, cell, here, hastes)[..., None]
     return np.stack([np.stack(_choose_two(world, state, here), axis=-1)] * len(hastes))
 
@@ -82,10 +80,10 @@ def _choose_two(world: World, state: State, here: Links) -> tuple[Integers, Inte
 
     energy_j = state.energy_j.copy()
     charged, heard = np.full((envs, auvs), -1), np.zeros((envs, auvs), dtype=np.int64)
-    exclusive = world.scenario.channel.access == "exclusive"
+    exclusive = world.access.max_uplinks_per_slot(auvs) == 1 < auvs
     for _ in range(1 if exclusive else auvs):
         env, auv, node = _best(worth)
-        # In exclusive access all hear the one node: it sends once, to the nearest AUV.
+        # Where one uplink may arrive all hear the one node: it sends once, to the nearest AUV.
         heard[env, slice(None) if exclusive else auv] = node[:, None] if exclusive else node
         needs_charge = here.missing_slots[env, auv, node] > 0
         charged[env[needs_charge], auv[needs_charge]] = node[needs_charge]
@@ -112,8 +110,7 @@ def _choose_one(
     stored_j = np.broadcast_to(state.energy_j[:, None, :], here.offset.shape)
     beta = np.asarray(world.duplex.split(here.offset, here.offset, stored_j).beta)
     slots = 1 + np.where(beta < 1, 0, here.missing_slots)
-    spoils = _spoils(world)
-    if spoils is _drowns:
+    if world.num_auvs > 1 and world.access.charging_disturbs:
         too_weak = (beta == 0) & (stored_j < here.required_j * _noise(world, cell)[..., None])
         slots = np.where(too_weak, 2, slots)
 
@@ -126,35 +123,11 @@ def _choose_one(
             worth[env, auv] = -np.inf
             # Better not: below anything that is of use, but an AUV must name a node.
             worth[env, :, node] -= _BETTER_NOT
-            if spoils is not None:
+            if world.num_auvs > 1:
                 first = beta[env, auv, node][:, None, None]
-                worth[env] -= np.where(spoils(first, beta[env]), _BETTER_NOT, 0)
+                spoilt = world.access.spoils(first, beta[env])
+                worth[env] -= 0 if spoilt is None else np.where(spoilt, _BETTER_NOT, 0)
     return named
-
-
-def _spoils(world: World) -> Callable[[Floats, Floats], npt.NDArray[np.bool_]] | None:
-    """Whether two AUVs' shares β of a slot for charging go ill together; None if none do."""
-    duplex, access = world.scenario.duplex, world.scenario.channel.access
-    if world.num_auvs == 1 or access == "orthogonal":
-        return None
-    if access == "exclusive":
-        return _collide
-    return _drowns if isinstance(duplex, Tdd) and not duplex.synchronised else None
-
-
-def _collide(first: Floats, second: Floats) -> npt.NDArray[np.bool_]:
-    """Both listen."""
-    return np.maximum(first, second) < 1
-
-
-def _drowns(first: Floats, second: Floats) -> npt.NDArray[np.bool_]:
-    """Whether of two AUVs that charge for these shares one spoils what the other hears.
-
-    An AUV that charges the longer drowns the uplink to one that listens meanwhile. Where the
-    node was charged for just what it needs, it cannot make up for it.
-    """
-    shorter, longer = np.minimum(first, second), np.maximum(first, second)
-    return (shorter > 0) & (shorter < longer)
 
 
 def _noise(world: World, cell: Integers) -> Floats:

@@ -134,7 +134,7 @@ class Planner:
             table[state.cell[0]],
             max(world.num_slots - int(state.slot[0]), 1),
             world.grid.shape,
-            may_rest=world.scenario.auvs.motion == "hover",
+            may_rest=world.scenario.auvs.motion.part.can_rest,
         )
         return world.grid.encode(routes)
 

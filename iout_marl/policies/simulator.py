@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.policies.choice import choose
-from iout_marl.scenario import Scenario, Tdd, load_scenario
+from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import State, World
 
 Integers = npt.NDArray[np.int64]
@@ -40,7 +40,7 @@ class Simulator:
         # What is of no matter to a plan costs time in every step.
         self._scenario = load_scenario(scenario, {"observation.view_range_m": None})
         self.world = World(self._scenario)
-        self.hastes = HASTES if isinstance(scenario.duplex, Tdd) else HASTES[:1]
+        self.hastes = HASTES if self.world.duplex.num_choices == 1 else HASTES[:1]
         self._worlds: dict[int, World] = {1: self.world}
 
     def towards(self, cell: Integers, target: Integers) -> Integers:

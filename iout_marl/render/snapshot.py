@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.scenario import Tdd
 from iout_marl.world import Events, State, World
 
 Integers = npt.NDArray[np.int64]
@@ -72,7 +71,7 @@ class Snapshot:
             mean_age=float(state.mean_age[env]),
             jain=float(state.jain[env]),
             total_harvested_j=float(state.harvested_j[env]),
-            is_tdd=isinstance(world.scenario.duplex, Tdd),
+            is_tdd=world.duplex.splits_slot,
             charged=None if events is None else np.array(events.charged[env], dtype=np.int64),
             heard=None if events is None else np.array(events.heard[env], dtype=np.int64),
             delivered=None if events is None else np.array(events.delivered[env], dtype=np.bool_),

@@ -34,7 +34,7 @@ from iout_marl.report.names import (
     in_fdd,
 )
 from iout_marl.report.study_figures import seconds
-from iout_marl.scenario import FixedNodes, load_scenario
+from iout_marl.scenario import load_scenario
 from iout_marl.study.results import Results
 
 Explanation: TypeAlias = Callable[[Results], list[str]]
@@ -277,7 +277,6 @@ def baseline_fairness(results: Results) -> list[str]:
 def mean_distance_from_start_m(nodes: float) -> float | None:
     """Of the first nodes of the paper's layout from the AUV's start, in m; None of no number."""
     scenario = load_scenario("paper/k10-tdd")
-    assert isinstance(scenario.nodes, FixedNodes)
     cells = np.array(scenario.nodes.cells)
     if nodes not in range(1, len(cells) + 1):
         return None

@@ -3,29 +3,11 @@
 from iout_marl.scenario.loading import load_scenario, parse_scenario, to_yaml
 from iout_marl.scenario.places import show_file
 from iout_marl.scenario.schema import Scenario
-from iout_marl.scenario.sections import (
-    Fdd,
-    FixedNodes,
-    MeanAgeReward,
-    PaperChannel,
-    PaperReward,
-    RandomNodes,
-    SonarChannel,
-    Tdd,
-)
 from iout_marl.scenario.sources import bundled_names, bundled_root, find_scenario
 from iout_marl.scenario.training import Training
 
 __all__ = [
-    "Fdd",
-    "FixedNodes",
-    "MeanAgeReward",
-    "PaperChannel",
-    "PaperReward",
-    "RandomNodes",
     "Scenario",
-    "SonarChannel",
-    "Tdd",
     "Training",
     "bundled_names",
     "bundled_root",

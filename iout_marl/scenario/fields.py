@@ -9,7 +9,7 @@ slip (a frequency in Hz, a sign forgotten), and allowed only to a scenario that 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 from pydantic_core import PydanticCustomError
@@ -95,10 +95,33 @@ Cell: TypeAlias = Annotated[tuple[Count, Count, Count], Field(strict=False)]
 Text: TypeAlias = Annotated[str, Field(max_length=10_000), AfterValidator(_writable)]
 
 
+#: More than the arrays of a world have room for.
+MAX_NODES, MAX_AUVS = 4_000, 1_000
+
+Frequency: TypeAlias = Annotated[Positive, Plausible(0.1, 1000, "kHz", slips=(1e-3,))]
+Directivity: TypeAlias = Annotated[Decibels, Plausible(-30, 60, "dB")]
+Spreading: TypeAlias = Annotated[float, Field(ge=0, le=4)]
+Weights: TypeAlias = Annotated[
+    tuple[Annotated[NonNegative, Plausible(0, 1e6)], ...],
+    Field(strict=False, max_length=MAX_NODES),
+]
+NumNodes: TypeAlias = Annotated[Count, Field(le=MAX_NODES), Plausible(1, 1000, "nodes")]
+#: What is added to a reward or multiplies an age in it.
+Term: TypeAlias = Annotated[Real, Plausible(-1e6, 1e6)]
+Slots: TypeAlias = Annotated[Count, Plausible(1, 1_000_000, "slots")]
+
+
 class Section(BaseModel):
     """A section of a scenario: immutable, strictly typed, without unknown keys."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    # Validators are built when they are needed first: by then all parts are registered.
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True
+    )
+
+    #: Keys that came after hashes had been published, with the values that mean as before:
+    #: those leave the hash as it was.
+    hash_defaults: ClassVar[dict[str, Any]] = {}
 
     @field_validator("*")
     @classmethod

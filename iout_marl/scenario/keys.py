@@ -15,7 +15,9 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from iout_marl.registry import registry_of
 from iout_marl.scenario.fields import Plausible
+from iout_marl.scenario.parts import part_of
 from iout_marl.scenario.places import KeyPath
 
 Model = type[BaseModel]
@@ -53,7 +55,7 @@ def unknown_keys(models: tuple[Model, ...], data: Any, path: KeyPath = ()) -> It
         return  # a kind that there is not is an error of its own
     for key, value in data.items():
         if key in model.model_fields:
-            yield from _in_field(model.model_fields[key].annotation, value, (*path, key))
+            yield from _in_field(model.model_fields[key], value, (*path, key))
         else:
             having = (m for m in models if key in m.model_fields and m is not model)
             kinds = tuple(kind for other in having for kind in _kinds(other))
@@ -61,12 +63,12 @@ def unknown_keys(models: tuple[Model, ...], data: Any, path: KeyPath = ()) -> It
             yield Unknown((*path, key), model, kind, kinds)
 
 
-def _in_field(annotation: Any, value: Any, path: KeyPath) -> Iterator[Unknown]:
-    sections = _sections(annotation)
+def _in_field(field: FieldInfo, value: Any, path: KeyPath) -> Iterator[Unknown]:
+    sections = _sections_of(field)
     if sections:
         yield from unknown_keys(sections, value, path)
         return
-    origin, arguments = get_origin(annotation), get_args(annotation)
+    origin, arguments = get_origin(field.annotation), get_args(field.annotation)
     if origin is dict and isinstance(value, Mapping) and _sections(arguments[1]):
         for key, item in value.items():
             yield from unknown_keys(_sections(arguments[1]), item, (*path, key))
@@ -100,14 +102,23 @@ def _sections(annotation: Any) -> tuple[Model, ...]:
     return ()
 
 
+def _sections_of(field: FieldInfo) -> tuple[Model, ...]:
+    """The sections that a field may hold: of a part those of every kind."""
+    part = part_of(field)
+    return part.models() if part else _sections(field.annotation)
+
+
 @cache
 def all_keys(model: Model) -> Mapping[str, tuple[FieldInfo, ...]]:
     """The dotted keys of a file, those of every kind of its parts, with their fields."""
     found: dict[str, tuple[FieldInfo, ...]] = {}
     for name, field in model.model_fields.items():
         found[name] = (field,)
-        for section in _sections(field.annotation):
+        part = part_of(field)
+        for section in _sections_of(field):
             for key, fields in all_keys(section).items():
+                if key == "kind" and part and part.is_word:
+                    continue  # it is written as the word alone
                 dotted = f"{name}.{key}"
                 found[dotted] = (*found.get(dotted, ()), *fields)
     return types.MappingProxyType(found)
@@ -115,7 +126,9 @@ def all_keys(model: Model) -> Mapping[str, tuple[FieldInfo, ...]]:
 
 def choices(field: FieldInfo) -> tuple[Any, ...] | None:
     """The values that a field can have, where it lists them."""
-    annotation = field.annotation
+    part, annotation = part_of(field), field.annotation
+    if part and part.is_word:
+        return registry_of(part.role).kinds
     return get_args(annotation) if get_origin(annotation) is Literal else None
 
 
@@ -162,9 +175,15 @@ def ranges_of(model: Model) -> frozenset[str]:
     """The dotted keys of a file that have plausible ranges."""
     found = set(ranges(model))
     for name, field in model.model_fields.items():
-        for section in _sections(field.annotation):
+        for section in _sections_of(field):
             found |= {f"{name}.{key}" for key in ranges_of(section)}
     return frozenset(found)
+
+
+def forget_keys() -> None:
+    """Look at the sections anew: a part has come or gone."""
+    all_keys.cache_clear()
+    ranges_of.cache_clear()
 
 
 def _numbers(value: Any, path: KeyPath) -> Iterator[tuple[KeyPath, float]]:

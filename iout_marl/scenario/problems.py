@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from pydantic import BaseModel
@@ -83,8 +83,8 @@ def describe(problem: ErrorDetails, layer: Layer) -> str:
         path, message = (*path, "kind"), "is missing"
     elif kind == "union_tag_invalid":
         tags = [tag.strip(" '") for tag in context["expected_tags"].split(",")]
-        path, tag = (*path, "kind"), str(context["tag"])
-        message = f"unknown kind {show_value(tag)}{did_you_mean(shorten(tag), tags)}"
+        path = (*path, "kind") if isinstance(given, dict) else path
+        message = unknown_kind(str(context["tag"]), tags)
     elif kind == "literal_error":
         choices = [c.strip(" '") for c in context["expected"].replace(" or ", ",").split(",")]
         message = f"unknown value {show_value(given)}"
@@ -110,6 +110,15 @@ def describe(problem: ErrorDetails, layer: Layer) -> str:
     elif context.get("beside"):
         message += _place_of(context["beside"], path, layer)
     return f"{layer.origin(path)}: {show_path(path)}: {message}"
+
+
+def unknown_kind(kind: str, known: Sequence[str]) -> str:
+    """What is said of a kind of part that there is not."""
+    near = did_you_mean(shorten(kind), known, or_list=False)
+    return (
+        f"unknown kind {show_value(kind)}{near or ';'} known: {', '.join(known)}; "
+        "parts from outside need --import"
+    )
 
 
 def _place_of(beside: KeyPath, path: KeyPath, layer: Layer) -> str:

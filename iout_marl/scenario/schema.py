@@ -6,17 +6,19 @@ import hashlib
 import itertools
 import json
 import math
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from iout_marl.errors import did_you_mean
+from iout_marl.registry import on_change
 from iout_marl.scenario.fields import (
     Section,
     Text,
     invalid,
 )
-from iout_marl.scenario.keys import all_keys, implausible, key_of, ranges_of
+from iout_marl.scenario.keys import all_keys, forget_keys, implausible, key_of, ranges_of
+from iout_marl.scenario.parts import PartOf, Settings, part_models, sections_in
 from iout_marl.scenario.places import shorten
 from iout_marl.scenario.sections import (
     Age,
@@ -24,38 +26,13 @@ from iout_marl.scenario.sections import (
     Charging,
     Episode,
     Fairness,
-    Fdd,
-    FixedNodes,
     Grid,
     Harvester,
-    MeanAgeReward,
     Observation,
-    PaperChannel,
-    PaperReward,
-    RandomNodes,
-    SonarChannel,
-    Tdd,
     Uplink,
 )
 from iout_marl.scenario.starts import spread_starts
 from iout_marl.scenario.training import Training
-
-#: Keys that came after hashes had been published, with the values that stand for how it was
-#: before: those leave the hash as it was.
-_CAME_LATER = (
-    ("auvs", "separation_cells", 1.0),
-    ("channel", "access", "orthogonal"),
-    ("duplex", "synchronised", False),
-    ("observation", "agent_index", False),
-    ("observation", "other_auvs", True),
-    ("observation", "view_range_m", None),
-    ("reward", "credit", "team"),
-    ("reward", "fairness_weight", 0.0),
-    ("reward", "separation_penalty", 10.0),
-    ("training", "critic", "own"),
-    ("training", "node_network", False),
-)
-
 
 #: Sizes beyond which no machine has the memory: cells of a grid, slots of an episode, numbers
 #: in a rollout, weights of a network.
@@ -72,17 +49,17 @@ class Scenario(Section):
     #: `[harvester.sensitivity_db]`. In the hash where there are any.
     allow_implausible: Annotated[tuple[str, ...], Field(strict=False, max_length=100)] = ()
     grid: Grid
-    nodes: Annotated[FixedNodes | RandomNodes, Field(discriminator="kind")]
+    nodes: Annotated[Settings, PartOf("placement")]
     auvs: Auvs
     episode: Episode
-    channel: Annotated[PaperChannel | SonarChannel, Field(discriminator="kind")]
+    channel: Annotated[Settings, PartOf("channel")]
     charging: Charging
     harvester: Harvester
     uplink: Uplink
-    duplex: Annotated[Fdd | Tdd, Field(discriminator="kind")]
+    duplex: Annotated[Settings, PartOf("duplex")]
     age: Age = Age()
     fairness: Fairness = Fairness()
-    reward: Annotated[PaperReward | MeanAgeReward, Field(discriminator="kind")]
+    reward: Annotated[Settings, PartOf("reward")]
     observation: Observation = Observation()
     training: Training
 
@@ -101,12 +78,13 @@ class Scenario(Section):
     @model_validator(mode="after")
     def _check_as_a_whole(self) -> Self:
         self._check_grid()
-        self._check_nodes()
+        self.nodes.part.check(self)
         self._check_starts()
         self._check_plausibility()
         self._check_slots()
         self._check_training()
-        self._check_uplink_band()
+        for settings in (self.auvs.motion, self.channel, self.duplex, self.reward):
+            settings.part.check(self)
         return self
 
     def _check_plausibility(self) -> None:
@@ -128,7 +106,7 @@ class Scenario(Section):
     def _check_grid(self) -> None:
         if math.prod(self.grid.cells) > MAX_CELLS:
             raise invalid(
-                ("grid", "cells"), f"must be at most {MAX_CELLS:,} cells, not {self._size_of_grid}"
+                ("grid", "cells"), f"must be at most {MAX_CELLS:,} cells, not {self.size_of_grid}"
             )
 
     def _check_slots(self) -> None:
@@ -172,47 +150,24 @@ class Scenario(Section):
             )
 
     @property
-    def _size_of_grid(self) -> str:
+    def size_of_grid(self) -> str:
+        """Cells along x, y and z, in words."""
         return " × ".join(map(str, self.grid.cells))
 
-    def _check_cell(self, path: tuple[str | int, ...], cell: tuple[int, int, int]) -> None:
+    def check_cell(self, path: tuple[str | int, ...], cell: tuple[int, int, int]) -> None:
+        """Refuse a cell, written at `path`, that the grid does not have."""
         if any(c > size for c, size in zip(cell, self.grid.cells, strict=True)):
             raise invalid(
                 path,
-                f"cell {list(cell)} lies outside the grid of {self._size_of_grid} cells",
+                f"cell {list(cell)} lies outside the grid of {self.size_of_grid} cells",
                 beside=("grid", "cells"),
-            )
-
-    def _check_nodes(self) -> None:
-        nodes = self.nodes
-        if isinstance(nodes, FixedNodes):
-            for i, cell in enumerate(nodes.cells):
-                self._check_cell(("nodes", "cells", i), cell)
-            if nodes.count is not None and nodes.count > len(nodes.cells):
-                raise invalid(
-                    ("nodes", "count"),
-                    f"is {nodes.count}, but nodes.cells lists only {len(nodes.cells)} cells",
-                    beside=("nodes", "cells"),
-                )
-        elif nodes.count > math.prod(self.grid.cells):
-            raise invalid(
-                ("nodes", "count"),
-                f"is {nodes.count}, but the grid has only {math.prod(self.grid.cells)} cells",
-                beside=("grid", "cells"),
-            )
-        if nodes.weights is not None and len(nodes.weights) != self.num_nodes:
-            raise invalid(
-                ("nodes", "weights"),
-                f"must list one weight for each of the {self.num_nodes} nodes, "
-                f"not {len(nodes.weights)}",
-                beside=("nodes", "cells" if nodes.count is None else "count"),
             )
 
     def _check_starts(self) -> None:
         auvs = self.auvs
         seen: set[tuple[int, int, int]] = set()
         for i, cell in enumerate(auvs.start_cells):
-            self._check_cell(("auvs", "start_cells", i), cell)
+            self.check_cell(("auvs", "start_cells", i), cell)
             if cell in seen:
                 raise invalid(
                     ("auvs", "start_cells", i),
@@ -245,25 +200,11 @@ class Scenario(Section):
                     beside=("auvs", "separation_cells"),
                 )
 
-    def _check_uplink_band(self) -> None:
-        if self.channel.kind != "sonar":
-            return
-        key = "uplink_frequency_khz" if isinstance(self.duplex, Fdd) else "frequency_khz"
-        frequency_khz: float = getattr(self.duplex, key)
-        if self.uplink.bandwidth_hz >= 2e3 * frequency_khz:
-            raise invalid(
-                ("uplink", "bandwidth_hz"),
-                f"the band around {frequency_khz:g} kHz must stay above 0 Hz",
-                beside=("duplex", key),
-            )
-
     @property
     def num_nodes(self) -> int:
         """K."""
-        if isinstance(self.nodes, FixedNodes) and self.nodes.count is None:
-            return len(self.nodes.cells)
-        assert self.nodes.count is not None
-        return self.nodes.count
+        count: int = self.nodes.part.num_nodes
+        return count
 
     @property
     def num_auvs(self) -> int:
@@ -284,7 +225,8 @@ class Scenario(Section):
     @property
     def node_weights(self) -> tuple[float, ...]:
         """δ_k of every node."""
-        return self.nodes.weights or (1.0,) * self.num_nodes
+        weights: tuple[float, ...] | None = self.nodes.part.weights
+        return weights or (1.0,) * self.num_nodes
 
     @property
     def hash(self) -> str:
@@ -300,8 +242,35 @@ class Scenario(Section):
         text = self.model_dump_json(exclude={"name", "description", *without})
         # Adding 0 makes −0.0, which equals 0.0, the same in writing too.
         data = json.loads(text, parse_float=lambda number: float(number) + 0.0)
-        for section, key, value in _CAME_LATER:
-            if data.get(section, {}).get(key) == value:
-                del data[section][key]
-        text = json.dumps(data, sort_keys=True, separators=(",", ":"))
+        text = json.dumps(_hashed(self, data), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def _hashed(section: BaseModel, data: Any) -> Any:
+    """What of a section's data is in the hash: all but keys that mean as before they came."""
+    version = section.entry.version if isinstance(section, Settings) else None
+    if isinstance(data, dict):
+        for name, inner in sections_in(section):
+            if name in data:
+                data[name] = _hashed(inner, data[name])
+        defaults = section.hash_defaults if isinstance(section, Section) else {}
+        data = {
+            key: value
+            for key, value in data.items()
+            if not (key in defaults and value == defaults[key])
+        }
+    if version is None:
+        return data
+    return {**(data if isinstance(data, dict) else {"kind": data}), "version": version}
+
+
+def _rebuild() -> None:
+    """Take in a part that was registered after a scenario had been read."""
+    forget_keys()
+    if Scenario.__pydantic_complete__:
+        holders: tuple[type[BaseModel], ...] = (*part_models(), Auvs, Observation, Scenario)
+        for model in holders:
+            model.model_rebuild(force=True)
+
+
+on_change.append(_rebuild)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -68,3 +68,5 @@ class Training(Section):
     mask_actions: bool
     #: Environment steps between two checkpoints.
     checkpoint_steps: Count
+
+    hash_defaults: ClassVar[dict[str, Any]] = {"critic": "own", "node_network": False}

@@ -10,28 +10,29 @@ from iout_marl.core.state import State
 from iout_marl.core.view import View
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
-from iout_marl.world.motion import Motion
+from iout_marl.world.motion import Mover
 
 
 class ActionMask:
     """Marks sensible choices: staying in the grid, hearing a node that may pay.
 
-    A node is masked out in FDD only where it could not pay from any cell within one
-    move, even if all AUVs charged it in the same slot, each from where it is best done. In
-    TDD every node may be chosen: what cannot send is charged. Nor is a node masked out that
+    Where an AUV names one node to charge and one to hear, as in FDD, the one heard is masked out
+    only where it could not pay from any cell within one move, even if all AUVs charged it in the
+    same slot, each from where it is best done. Where it names one for both, as in TDD, every node
+    may be chosen: what cannot send is charged. Nor is a node masked out that
     the AUV does not see, and AUVs that it does not see may be anywhere: of energies and of
     other AUVs the mask tells no more than the observation. Positions of nodes count as known.
     """
 
     def __init__(
-        self, scenario: Scenario, link: Link, motion: Motion, view: View, backend: Backend
+        self, scenario: Scenario, link: Link, motion: Mover, view: View, backend: Backend
     ) -> None:
         self._view = view
         self._link = link
         self._motion = motion
         self._xp = backend.xp
         self._num_nodes = scenario.num_nodes
-        self._is_fdd = scenario.duplex.kind == "fdd"
+        self._hears_another = scenario.duplex.part.num_choices > 1
         #: (auvs, auvs): 1 for each other AUV.
         self._others = backend.floats(1 - np.eye(scenario.num_auvs))
         self._sees_others = scenario.observation.other_auvs
@@ -45,7 +46,7 @@ class ActionMask:
         shape = (*state.cell.shape, self._num_nodes)
         any_node = xp.broadcast_to(xp.ones_like(state.age, dtype=xp.bool)[:, None, :], shape)
         masks = [inside, any_node]
-        if self._is_fdd:
+        if self._hears_another:
             may_pay = self._may_pay(state)
             if self._view.is_limited:
                 may_pay = may_pay | ~self._view.sees(state.cell, state.node_cell)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -9,29 +11,23 @@ from iout_marl.arrays.backend import Backend
 from iout_marl.core.grid import Grid
 from iout_marl.physics.arrays import Array, lookup
 
-#: The directions of each motion part, as steps in cells. `six` is the paper's eq.
-#: `direction`: right, left, up, down, forward, backward; there is no way to stay.
-_SIX = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
-DIRECTIONS: dict[str, tuple[tuple[int, int, int], ...]] = {
-    "six": _SIX,
-    "hover": (*_SIX, (0, 0, 0)),
-}
 
-
-class Motion:
+class Mover:
     """Moves AUVs from cell to cell.
 
     In a grid of one cell there is nowhere to go: every direction stays, and none leaves the grid.
 
     Args:
         grid: the grid.
-        kind: name of a motion part, a key of `DIRECTIONS`.
+        steps: of each direction, the cells that it leads along x, y and z.
         separation_cells: distance that any two AUVs keep; 0 for no rule.
         backend: arrays to work with.
     """
 
-    def __init__(self, grid: Grid, kind: str, separation_cells: float, backend: Backend) -> None:
-        self.steps = np.array(DIRECTIONS[kind])
+    def __init__(
+        self, grid: Grid, steps: Sequence[Sequence[int]], separation_cells: float, backend: Backend
+    ) -> None:
+        self.steps = np.array(steps)
         self.num_directions = len(self.steps)
         self._backend = backend
         self._xp = backend.xp

@@ -61,7 +61,7 @@ class Observer:
         self._nearness = backend.integers(_nearness(grid))
         self._link = link
         self._identity = backend.floats(np.eye(scenario.num_auvs))
-        self._is_credited_apart = scenario.reward.credit == "difference"
+        self._is_credited_apart: bool = scenario.reward.part.is_credited_apart
         self._num_nodes = num_nodes = scenario.num_nodes
         self._num_slots = scenario.num_slots
         #: x, y and z by code, one after the other; where each begins, to go with the cells

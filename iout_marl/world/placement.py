@@ -8,13 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.core.grid import Grid
-from iout_marl.scenario import FixedNodes, RandomNodes, Scenario
+from iout_marl.parts import Placement
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.parts import settings_of
 from iout_marl.scenario.starts import spread_starts
-
-
-def draw_cells(grid: Grid, count: int, rng: np.random.Generator) -> npt.NDArray[np.int64]:
-    """Coordinates from 0 of `count` different cells, (count, 3), drawn uniformly."""
-    return grid.all_coordinates()[rng.choice(grid.num_cells, size=count, replace=False)]
 
 
 def node_codes(
@@ -28,11 +25,11 @@ def node_codes(
         rngs: the stream of each environment, or one for all of them in turn. Streams
             are drawn from only where the scenario places nodes at random.
     """
-    nodes = scenario.nodes
-    if isinstance(nodes, FixedNodes):
-        given = grid.encode(np.array(nodes.cells[: scenario.num_nodes]) - 1)
-        return np.tile(given, (len(rngs), 1))
-    return np.stack([grid.encode(draw_cells(grid, nodes.count, rng)) for rng in rngs])
+    placement: Placement = scenario.nodes.part
+    if placement.redraws == "never":
+        codes = grid.encode(placement.draw(grid, np.random.default_rng(0)))
+        return np.tile(codes, (len(rngs), 1))
+    return np.stack([grid.encode(placement.draw(grid, rng)) for rng in rngs])
 
 
 def start_cells(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
@@ -43,7 +40,7 @@ def start_cells(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
 
 def redraws_every_episode(scenario: Scenario) -> bool:
     """Whether the nodes lie elsewhere in each episode."""
-    return isinstance(scenario.nodes, RandomNodes) and scenario.nodes.redraw == "episode"
+    return bool(scenario.nodes.part.redraws == "episode")
 
 
 def has_chance(scenario: Scenario) -> bool:
@@ -57,7 +54,7 @@ def has_chance(scenario: Scenario) -> bool:
 
 def draws_layout_once(scenario: Scenario) -> bool:
     """Whether the nodes of a run lie where its seed puts them."""
-    return isinstance(scenario.nodes, RandomNodes) and scenario.nodes.redraw == "run"
+    return bool(scenario.nodes.part.redraws == "run")
 
 
 def pin_layout(scenario: Scenario, seed: int) -> Scenario:
@@ -68,7 +65,8 @@ def pin_layout(scenario: Scenario, seed: int) -> Scenario:
     """
     if not draws_layout_once(scenario):
         return scenario
-    nodes, grid = scenario.nodes, Grid(scenario.grid.cells)
-    cells = draw_cells(grid, scenario.num_nodes, np.random.default_rng(seed)) + 1
-    fixed = FixedNodes(cells=tuple(map(tuple, cells.tolist())), weights=nodes.weights)
-    return scenario.model_copy(update={"nodes": fixed})
+    placement: Placement = scenario.nodes.part
+    drawn = placement.draw(Grid(scenario.grid.cells), np.random.default_rng(seed)) + 1
+    pinned = {"kind": "fixed", "cells": drawn.tolist(), "weights": placement.weights}
+    nodes = settings_of("placement", pinned)
+    return scenario.model_copy(update={"nodes": nodes})

@@ -18,17 +18,15 @@ from iout_marl.core.link import Link
 from iout_marl.core.state import Events, State
 from iout_marl.core.view import View
 from iout_marl.errors import InputError
+from iout_marl.parts import Access, Context, Duplex, Request, Reward, at_work
 from iout_marl.physics.arrays import Array, cast
 from iout_marl.scenario import Scenario
 from iout_marl.whole import whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
-from iout_marl.world.duplex import make_duplex
 from iout_marl.world.mask import ActionMask
-from iout_marl.world.motion import Motion
+from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
 from iout_marl.world.placement import start_cells
-from iout_marl.world.reward import make_reward
-from iout_marl.world.uplink import Request, make_access
 
 #: Changes whenever the same scenario, seed and actions would lead elsewhere, rounding apart.
 WORLD_VERSION = 0
@@ -84,15 +82,18 @@ class World:
         self.backend = backend = Backend.of(library, dtype, device)
         self.grid = Grid(scenario.grid.cells)
         self.link = Link(scenario, self.grid, backend)
-        self.motion = Motion(
-            self.grid, scenario.auvs.motion, scenario.auvs.separation_cells, backend
+        self.motion = Mover(
+            self.grid, scenario.auvs.motion.part.steps, scenario.auvs.separation_cells, backend
         )
         self.nodes = NodeAxis(num_envs, self.num_auvs, self.num_nodes, backend)
-        self.duplex = make_duplex(scenario, self.link, (num_envs, self.num_auvs), backend)
-        self.access = make_access(scenario, self.link, backend)
         self.view = View(scenario, self.link, self.nodes, backend)
         self.credit = Credit(scenario, self.nodes, backend)
-        self.reward_part = make_reward(scenario, self.link, self.nodes, self.credit, backend)
+        context = Context(
+            scenario, num_envs, backend, self.grid, self.link, self.nodes, self.credit
+        )
+        self.duplex: Duplex = at_work(scenario.duplex, context)
+        self.access: Access = at_work(scenario.channel.access, context)
+        self.reward_part: Reward = at_work(scenario.reward, context)
         self.observer = Observer(scenario, self.grid, self.link, backend)
         self.action_mask = ActionMask(scenario, self.link, self.motion, self.view, backend)
         self.action_sizes = (

@@ -183,7 +183,7 @@ def test_energy_and_travel_prove_nothing_where_nodes_may_lie_elsewhere():
 def test_a_sharing_certificate_is_for_tdd_and_for_as_many_nodes():
     _, record = fixture("sharing")
     for name, changes, line in (
-        ("best/k3-fdd", {}, "kind: the sharing bound is for TDD"),
+        ("best/k3-fdd", {}, "kind: the sharing bound is for scenarios where an AUV names one node"),
         ("best/k5-tdd", {"episode.duration_s": 500}, "presence: is for 3 nodes, but there are 5"),
     ):
         scenario = load_scenario(name, changes)

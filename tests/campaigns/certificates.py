@@ -26,7 +26,7 @@ from iout_marl.bounds.field import Field
 from iout_marl.bounds.opening import search
 from iout_marl.bounds.prices import Prices
 from iout_marl.errors import InputError
-from iout_marl.scenario import Scenario, Tdd
+from iout_marl.scenario import Scenario
 from iout_marl.world import pin_layout
 
 #: Seconds of computing that no check of a small world may take; they take some hundredths.
@@ -104,7 +104,7 @@ def _certificates(scenario: Scenario) -> list[dict[str, Any]]:
         highest = scenario.num_nodes * scenario.num_slots * scenario.age.maximum
         opened = search(games[0], scheduled, highest, np.inf)
         found.append(Certificate(world_hash, opened, ladders[0]))
-    if scenario.num_auvs == 1 and isinstance(scenario.duplex, Tdd):
+    if scenario.num_auvs == 1 and scenario.duplex.kind == "tdd":
         climbed = climb(games[1], np.inf)
         assert climbed is not None
         age_sum, prices, _, oldest = climbed

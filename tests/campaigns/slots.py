@@ -12,7 +12,7 @@ from campaigns.scenarios_for_slots import draw_settings
 from iout_marl import iout_v0
 from iout_marl.core.limits import reward_bounds
 from iout_marl.errors import InputError
-from iout_marl.scenario import FixedNodes, Scenario, load_scenario
+from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import World, node_codes
 
 #: Environments of a batch, at most, and scenarios that a short campaign sees at least.
@@ -121,7 +121,7 @@ class Laws:
         )
 
     def _uplinks(self, before: Any, after: Any, events: Any, mask: Any) -> None:
-        access, delivered = self.scenario.channel.access, events.delivered
+        access, delivered = self.scenario.channel.access.kind, events.delivered
         served = np.zeros_like(after.deliveries)
         np.add.at(served, (self.env, events.heard), delivered)
         law("a node delivers once", served <= 1)
@@ -245,7 +245,7 @@ def play_scenario(scenario: Scenario, num_envs: int, rng: np.random.Generator) -
     # Those after the first few take their layouts from one stream, which is faster.
     few = [np.random.default_rng(seed + i) for i in range(min(num_envs, PERMUTED))]
     streams = few + [few[-1]] * (num_envs - len(few))
-    is_fixed = isinstance(scenario.nodes, FixedNodes)
+    is_fixed = scenario.nodes.kind == "fixed"
     layout = node_codes(scenario, world.grid, few if is_fixed else streams)
     layout = np.tile(layout[:1], (num_envs, 1)) if is_fixed else layout
     state = world.reset(layout)
@@ -295,7 +295,7 @@ def run(rng: np.random.Generator, cases: int) -> Tally:
             continue
         played += count
         kind = settings["duplex"]["kind"]
-        tally.note(f"{kind}, {scenario.channel.access}", count)
+        tally.note(f"{kind}, {scenario.channel.access.kind}", count)
     return tally
 
 

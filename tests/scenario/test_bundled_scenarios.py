@@ -51,8 +51,8 @@ def test_of_several_auvs_is_what_its_name_says(name):
     assert scenario.num_nodes == int(nodes.removeprefix("k"))
     assert len(set(scenario.nodes.cells[: scenario.num_nodes])) == scenario.num_nodes
     assert scenario.duplex.kind == duplex
-    assert scenario.duplex.kind == "fdd" or scenario.duplex.beta_rule == "stored"
-    assert scenario.channel.access == "interference"
+    assert scenario.duplex.kind == "fdd" or scenario.duplex.beta_rule.kind == "stored"
+    assert scenario.channel.access.kind == "interference"
     assert scenario.reward.kind == "mean_age"
     assert scenario.num_slots == (55 if nodes == "k13" else 100)
     assert scenario.description

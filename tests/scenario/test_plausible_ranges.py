@@ -153,7 +153,9 @@ def test_keys_that_cannot_be_allowed(keys, expected):
 
 def test_ranges_are_told_by_a_generated_schema():
     schema = Scenario.model_json_schema()["$defs"]
-    assert schema["Fdd"]["properties"]["uplink_frequency_khz"]["plausible"] == {
+    assert schema["FrequencyDivisionSettings"]["properties"]["uplink_frequency_khz"][
+        "plausible"
+    ] == {
         "low": 0.1,
         "high": 1000,
         "unit": "kHz",

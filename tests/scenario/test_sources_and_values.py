@@ -8,7 +8,8 @@ import pytest
 
 from iout_marl import InputError, load_scenario
 from iout_marl.errors import MAX_MESSAGE
-from iout_marl.scenario import FixedNodes, bundled_root
+from iout_marl.scenario import bundled_root
+from iout_marl.scenario.parts import settings_of
 
 P = "paper/k3-fdd"
 
@@ -112,7 +113,7 @@ def test_numbers_and_arrays_of_numpy(key, value, plain):
 
 
 def test_sections_and_words_of_python():
-    nodes = FixedNodes(cells=((1, 1, 1), (2, 2, 2)))
+    nodes = settings_of("placement", {"kind": "fixed", "cells": ((1, 1, 1), (2, 2, 2))})
     scenario = load_scenario(P, {"nodes": nodes, "duplex.kind": Word.TDD})
     assert scenario.num_nodes == 2
     assert scenario.duplex.kind == "tdd"

@@ -71,7 +71,7 @@ def biased_action(rng: random.Random, env: int, oracle: Oracle) -> list[list[int
     target = {0: None, 1: 0, 2: oracle.slot // 12 % num_nodes}[env]
     action = []
     for cell in oracle.auv_cells:
-        direction = rng.randrange(7 if oracle.scenario.auvs.motion == "hover" else 6)
+        direction = rng.randrange(7 if oracle.scenario.auvs.motion.kind == "hover" else 6)
         nodes = [rng.randrange(num_nodes), rng.randrange(num_nodes)]
         if target is not None and rng.random() < 0.8:
             goal = oracle.node_cells[target]

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_world_laws import ACCESS, NAMES, draw_actions, play
 
+from iout_marl.parts.access.interference import positive_solution
 from iout_marl.scenario import load_scenario
 from iout_marl.world import World
-from iout_marl.world.uplink import positive_solution
 
 #: Four AUVs near one another and the nodes, so that uplinks disturb one another.
 STARTS = [[5, 5, 2], [4, 6, 2], [6, 4, 3], [7, 7, 1]]

@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 from campaigns.slots import run
 
+from iout_marl.parts.access.interference import Interference
+from iout_marl.parts.beta_rule.stored import StoredRule
+from iout_marl.parts.duplex.fdd import FrequencyDivision
 from iout_marl.tracing.unrolled import unrolled_slot
 from iout_marl.world import world as world_module
-from iout_marl.world.duplex import FrequencyDivision, StoredRule
 from iout_marl.world.mask import ActionMask
-from iout_marl.world.motion import Motion
-from iout_marl.world.uplink import Interference
+from iout_marl.world.motion import Mover
 from iout_marl.world.world import World
 
-CHARGE, MASK, REWARD = world_module.charge, ActionMask.__call__, World.reward
-SPLIT = StoredRule.split
+MASK, REWARD = ActionMask.__call__, World.reward
+SPLIT, WHOLE = StoredRule.split, FrequencyDivision.split
 
 
 def _allows_every_direction(self, state):
@@ -27,10 +28,15 @@ def _shifts_beta(self, *given):
     return split._replace(beta=split.beta * 0.999)
 
 
+def _charges_longer(self, *given):
+    split = WHOLE(self, *given)
+    return split._replace(charging_s=split.charging_s * 1.001)
+
+
 #: What is put in whose place, and what the campaign says of it.
 BROKEN = {
     "energy from nowhere": (
-        (world_module, "charge", lambda *given: CHARGE(*given) * 1.001),
+        (FrequencyDivision, "split", _charges_longer),
         "what is harvested",
     ),
     "uplinks without energy": (
@@ -42,7 +48,7 @@ BROKEN = {
         "ages rise by one",
     ),
     "AUVs in one cell": (
-        (Motion, "_apart", lambda self, cell, target: target),
+        (Mover, "_apart", lambda self, cell, target: target),
         "AUVs keep their separation",
     ),
     "a mask that leads out of the grid": (

@@ -1,0 +1,66 @@
+"""Parts: whatever a scenario chooses by its kind. Each is a file of its own, in `parts/<role>/`.
+
+A part of your own is registered from your own file, and named by your scenario:
+
+    from iout_marl import parts
+
+    @parts.rewards.register("peak_age", version=1)
+    class PeakAge(parts.Reward):
+        class Settings(parts.Settings):
+            weight: parts.Positive = 1.0
+
+        def __call__(self, state, events):
+            worst = self.xp.max(state.age, axis=-1, keepdims=True)
+            return {"age": -self.settings.weight * worst}
+"""
+
+import importlib
+import pkgutil
+
+from iout_marl.parts.absorption import Absorption, absorptions
+from iout_marl.parts.access import Access, Request, Uplinks, access_rules
+from iout_marl.parts.base import Context, Part, at_work
+from iout_marl.parts.beta_rule import BetaRule, beta_rules
+from iout_marl.parts.channel import Channel, channels
+from iout_marl.parts.duplex import Duplex, duplexes
+from iout_marl.parts.motion import Motion, motions
+from iout_marl.parts.placement import Placement, placements
+from iout_marl.parts.reward import Reward, rewards
+from iout_marl.scenario.fields import Count, Decibels, Fraction, NonNegative, Plausible, Positive
+from iout_marl.scenario.parts import PartOf, Settings
+
+__all__ = [
+    "Absorption",
+    "Access",
+    "BetaRule",
+    "Channel",
+    "Context",
+    "Count",
+    "Decibels",
+    "Duplex",
+    "Fraction",
+    "Motion",
+    "NonNegative",
+    "Part",
+    "PartOf",
+    "Placement",
+    "Plausible",
+    "Positive",
+    "Request",
+    "Reward",
+    "Settings",
+    "Uplinks",
+    "absorptions",
+    "access_rules",
+    "at_work",
+    "beta_rules",
+    "channels",
+    "duplexes",
+    "motions",
+    "placements",
+    "rewards",
+]
+
+# Whatever lies in the folder of a role registers itself.
+for _found in pkgutil.walk_packages(__path__, f"{__name__}."):
+    importlib.import_module(_found.name)

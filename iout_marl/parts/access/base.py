@@ -1,0 +1,95 @@
+"""Access: who sends on the shared band, and whose packet arrives.
+
+A node that several AUVs hear sends once, to the nearest of them; between AUVs that are
+equally near, to the one in the cell of the lower code, so that the order of the AUVs does
+not matter.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.core.split import Split
+from iout_marl.parts.base import Context, Part
+from iout_marl.physics.arrays import Array
+from iout_marl.registry import Registry
+
+Floats = npt.NDArray[np.float64]
+
+
+class Request(NamedTuple):
+    """What the AUVs ask for in a slot, (envs, auvs) each."""
+
+    cell: Array  # code of the AUV's cell
+    heard: Array  # node asked for its packet
+    node_cell: Array  # code of that node's cell
+    sends: Array  # bool: whether it would send if it were alone
+    payable_j: Array  # J: energy that it has when the uplinks begin
+    offset: Array  # offset from the AUV to it, see `Link`
+
+
+class Uplinks(NamedTuple):
+    """What came of it, (envs, auvs) each."""
+
+    delivered: Array  # bool: the packet arrived
+    spent_j: Array  # J: energy that the node heard has spent on it
+
+
+class Access(Part):
+    """How uplinks to several AUVs share the band.
+
+    Attributes:
+        uplinks_disturb: whether an uplink may be dearer, or fail, because of another one.
+        charging_disturbs: whether an AUV that charges drowns uplinks to others meanwhile, once
+            it is set up.
+    """
+
+    uplinks_disturb = False
+    charging_disturbs = False
+
+    def num_bands(self, num_auvs: int) -> int:  # noqa: ARG002
+        """How many bands the uplink's band is divided into, one of which an uplink has."""
+        return 1
+
+    def max_uplinks_per_slot(self, num_auvs: int) -> int:
+        """The most uplinks that can arrive in a slot."""
+        return num_auvs
+
+    def setup(self, world: Context) -> None:
+        super().setup(world)
+        self._link = world.link
+        self._zero = world.backend.floats(0.0)
+        self._num_auvs = world.scenario.num_auvs
+        self._index = world.backend.integers(list(range(self._num_auvs)))
+
+    def __call__(self, request: Request, split: Split) -> Uplinks:
+        """The uplinks of a slot."""
+        raise NotImplementedError
+
+    def spoils(self, first: Floats, second: Floats) -> Any:  # noqa: ARG002
+        """Whether two AUVs' shares β of a slot for charging go ill together; None if none do.
+
+        For planners: β is 1 where an AUV only charges.
+        """
+        return None
+
+    def to_nearest(self, request: Request) -> Array:
+        """Which AUVs' nodes send to them: (envs, auvs) bool."""
+        if self._num_auvs == 1:
+            return request.sends
+        xp = self.xp
+        distance_m = self._link.at(self._link.distance_m, request.offset)
+        mine, theirs = distance_m[:, :, None], distance_m[:, None, :]
+        own_cell, their_cell = request.cell[:, :, None], request.cell[:, None, :]
+        # AUVs in one cell that hear one node are alike: here their order does no harm.
+        earlier = (their_cell == own_cell) & (self._index[None, :] < self._index[:, None])
+        before = (theirs < mine) | ((theirs == mine) & ((their_cell < own_cell) | earlier))
+        same_node = request.heard[:, :, None] == request.heard[:, None, :]
+        rival = same_node & request.sends[:, None, :] & before
+        return request.sends & ~xp.any(rival, axis=2)
+
+
+access_rules: Registry[type[Access]] = Registry("access", Access)

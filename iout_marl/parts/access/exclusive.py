@@ -1,0 +1,30 @@
+"""One uplink at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iout_marl.core.split import Split
+from iout_marl.parts.access.base import Access, Floats, Request, Uplinks, access_rules
+
+
+@access_rules.register("exclusive")
+class Exclusive(Access):
+    """One uplink in the whole network; where there are more, all fail, their energy spent."""
+
+    def max_uplinks_per_slot(self, num_auvs: int) -> int:  # noqa: ARG002
+        return 1
+
+    def __call__(self, request: Request, split: Split) -> Uplinks:
+        xp = self.xp
+        sending = self.to_nearest(request)
+        spent_j = xp.where(sending, split.required_j, self._zero)
+        if self._num_auvs == 1:
+            return Uplinks(sending, spent_j)
+        number = xp.sum(xp.astype(sending, spent_j.dtype), axis=1)
+        return Uplinks(sending & (number == 1)[:, None], spent_j)
+
+    def spoils(self, first: Floats, second: Floats) -> np.typing.NDArray[np.bool_]:
+        """Both listen: they collide."""
+        collide: np.typing.NDArray[np.bool_] = np.maximum(first, second) < 1
+        return collide

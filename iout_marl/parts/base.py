@@ -1,0 +1,79 @@
+"""What every part is, and what a part of a world works with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from iout_marl.arrays.backend import Backend
+from iout_marl.arrays.nodes import NodeAxis
+from iout_marl.core.credit import Credit
+from iout_marl.core.grid import Grid
+from iout_marl.core.link import Link
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.parts import Settings as PartSettings
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a part of a world works with.
+
+    Attributes:
+        scenario: the scenario.
+        num_envs: environments in the batch.
+        backend: array library, floating type, device.
+        grid: the grid and its codes.
+        link: tables of the links between cells.
+        nodes: gathers from, scatters to and sums over the axis of nodes.
+        credit: whom the network's reward is credited to.
+    """
+
+    scenario: Scenario
+    num_envs: int
+    backend: Backend
+    grid: Grid
+    link: Link
+    nodes: NodeAxis
+    credit: Credit
+
+
+def at_work(settings: Any, world: Context) -> Any:
+    """A part of one world, set up for it; `settings` are a scenario's."""
+    part = settings.entry.item(settings)
+    part.setup(world)
+    return part
+
+
+class Part:
+    """One choice of a scenario: its settings, what it states of itself, what it does.
+
+    A part is made from its settings alone, and then answers questions about itself. A world makes
+    parts of its own and sets them up: only then they do their work on arrays.
+
+    Attributes:
+        Settings: the keys that a scenario file has for it, a subclass of `parts.Settings`.
+        settings: their values.
+        xp: namespace of the array library, once it is set up.
+    """
+
+    if TYPE_CHECKING:
+        Settings: ClassVar[type[PartSettings]]
+    else:
+        Settings = PartSettings
+
+    xp: Any
+
+    def __init__(self, settings: Any) -> None:
+        self.settings = settings
+
+    def check(self, scenario: Scenario) -> None:
+        """See that the settings go together with those of others.
+
+        Raises:
+            pydantic_core.PydanticCustomError: they do not; by `iout_marl.scenario.fields.invalid`.
+        """
+
+    def setup(self, world: Context) -> None:
+        """Make ready to work in a world: tables and constants on its device."""
+        self.world = world
+        self.xp = world.backend.xp

@@ -1,0 +1,94 @@
+"""Rules for β, the share of a slot that TDD gives to charging."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.core.levels import EnergyLevels, Tables
+from iout_marl.core.link import Link
+from iout_marl.core.split import Split
+from iout_marl.core.whole_levels import WholeLevels
+from iout_marl.parts.base import Context, Part
+from iout_marl.physics.arrays import Array
+from iout_marl.registry import Registry
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+class BetaRule(Part):
+    """How β follows from where an AUV and its node lie, and from what the node has stored.
+
+    The duplex part has the bounds `beta_min` and `beta_max`.
+
+    Attributes:
+        has_tables: see `Duplex.has_tables`.
+    """
+
+    has_tables = False
+
+    def setup(self, world: Context) -> None:
+        super().setup(world)
+        backend, link, bounds = world.backend, world.link, world.scenario.duplex
+        self._link = link
+        self._zero = backend.floats(0.0)
+        self._one = backend.floats(1.0)
+        self._bounds: Any = bounds
+        #: What `physics.beta_star` and `smallest_beta` take last: slot, packet, band, bounds.
+        self.interval = (
+            link.slot_s,
+            world.scenario.uplink.packet_bits,
+            link.budget.bandwidth_hz,
+            self._bounds.beta_min,
+            self._bounds.beta_max,
+        )
+
+    def split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
+        """Split the slot, as `Duplex.split`."""
+        raise NotImplementedError
+
+    def energy_never_binds(
+        self,
+        link: Link,  # noqa: ARG002
+        offsets: Integers,  # noqa: ARG002
+        num_slots: int,  # noqa: ARG002
+        bounds: Any,  # noqa: ARG002
+    ) -> bool:
+        """As `Duplex.energy_never_binds`, within the bounds of the duplex part's settings."""
+        return False
+
+    def search_tables(
+        self,
+        levels: EnergyLevels,
+        harvested_w: Floats,
+        power_per_snr_w: Floats,
+        uplink_j: Floats,
+    ) -> Tables:
+        """As `Duplex.search_tables`, from what the links have."""
+        raise NotImplementedError
+
+    def check_rows(
+        self, levels: WholeLevels, harvest_j: float, price_j: float, least_j: float, most_j: float
+    ) -> list[list[int]]:
+        """As `Duplex.check_tables`, of one link.
+
+        Args:
+            levels: the levels.
+            harvest_j, price_j: what a whole slot brings, and what an uplink of a whole slot takes.
+            least_j, most_j: what the node gains from charging and uplink together at β_min, and at
+                the best β.
+        """
+        raise NotImplementedError
+
+    def _required_j(self, power_per_snr_w: Array, beta: Array) -> Array:
+        return self._link.budget.required_energy_j(power_per_snr_w, self._uplink_s(beta))
+
+    def _uplink_s(self, beta: Array) -> Array:
+        # Where nothing is sent, any duration does: 0 would divide by zero.
+        return self.xp.where(beta < 1, (1 - beta) * self._link.slot_s, self._one)
+
+
+beta_rules: Registry[type[BetaRule]] = Registry("beta rule", BetaRule)

@@ -1,0 +1,82 @@
+"""Channel: what sound loses on its way, and what power an uplink takes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from iout_marl.parts.absorption import Absorption
+from iout_marl.parts.access import Access
+from iout_marl.parts.base import Part
+from iout_marl.physics.arrays import Array, ArrayLike
+from iout_marl.registry import Registry
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.fields import Section
+from iout_marl.scenario.parts import PartOf
+from iout_marl.scenario.parts import Settings as PartSettings
+
+
+class Shared(Section):
+    """How several AUVs share the uplink's band; one AUV has it to itself in every kind."""
+
+    access: Annotated[PartSettings, PartOf("access", is_word=True)] = Field(
+        "orthogonal", validate_default=True
+    )
+
+    hash_defaults: ClassVar[dict[str, Any]] = {"access": "orthogonal"}
+
+
+class Channel(Part):
+    """The levels of sound along a link.
+
+    Its arguments are not checked: a scenario may say what physics refuses.
+    """
+
+    # `access` comes first, where scenarios have always written it.
+    class Settings(PartSettings, Shared):
+        absorption: Annotated[PartSettings, PartOf("absorption")] = Field(
+            {"kind": "thorp"}, validate_default=True
+        )
+
+    settings: Any
+
+    @property
+    def access(self) -> Access:
+        """How AUVs share the band, before it belongs to a world."""
+        access: Access = self.settings.access.part
+        return access
+
+    def alpha_db_per_km(self, frequency_khz: float) -> float:
+        """Absorption α(f) in dB/km."""
+        absorption: Absorption = self.settings.absorption.part
+        return float(absorption.db_per_km(frequency_khz))
+
+    def attenuation_db(self, distance_m: ArrayLike, frequency_khz: float) -> Array:
+        """Loss between source and receiver in dB, in the shape of `distance_m`."""
+        raise NotImplementedError
+
+    @property
+    def charging_noise_db(self) -> float:
+        """What is taken off the level of the sound that charges, in dB."""
+        return 0.0
+
+    def power_per_snr_w(
+        self, distance_m: ArrayLike, frequency_khz: float, bandwidth_hz: float
+    ) -> Array:
+        """Power that a node transmits with for an SNR of 1 in its band, in W."""
+        raise NotImplementedError
+
+    def as_uplink_w(self, acoustic_w: float) -> float:
+        """Power of an uplink, in W, that sounds as loud as a source of so much acoustic power."""
+        raise NotImplementedError
+
+    def harvest_db(self) -> dict[str, float]:
+        """What keys of the channel add to the level of what is harvested, in dB."""
+        return {}
+
+    def check(self, scenario: Scenario) -> None:
+        self.access.check(scenario)
+
+
+channels: Registry[type[Channel]] = Registry("channel", Channel)

@@ -1,0 +1,79 @@
+"""The channel of the sonar equation."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from iout_marl import physics
+from iout_marl.core.limits import UPLINK_W, bounded
+from iout_marl.parts.channel.base import Channel, Shared, channels
+from iout_marl.physics.arrays import Array, ArrayLike
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.fields import (
+    Directivity,
+    Efficiency,
+    Fraction,
+    NonNegative,
+    Plausible,
+    Spreading,
+    invalid,
+)
+from iout_marl.scenario.parts import PartOf
+from iout_marl.scenario.parts import Settings as PartSettings
+
+
+@channels.register("sonar")
+class Sonar(Channel):
+    """Consistent units: the sonar equation, ambient noise in the uplink's band."""
+
+    class Settings(PartSettings, Shared):
+        spreading_factor: Spreading = 1.5
+        absorption: Annotated[PartSettings, PartOf("absorption")] = Field(
+            {"kind": "thorp"}, validate_default=True
+        )
+        #: Shipping activity of Wenz's noise, from 0 to 1.
+        shipping: Fraction = 0.5
+        wind_m_per_s: Annotated[NonNegative, Field(le=1000), Plausible(0, 100, "m/s")] = 0.0
+        #: Electro-acoustic efficiency of a node's transmitter.
+        uplink_efficiency: Efficiency = 0.5
+        uplink_directivity_index_db: Directivity = 0.0
+
+    settings: Settings
+
+    def check(self, scenario: Scenario) -> None:
+        super().check(scenario)
+        duplex = scenario.duplex.part
+        frequency_khz: float = duplex.uplink_frequency_khz
+        if scenario.uplink.bandwidth_hz >= 2e3 * frequency_khz:
+            raise invalid(
+                ("uplink", "bandwidth_hz"),
+                f"the band around {frequency_khz:g} kHz must stay above 0 Hz",
+                beside=("duplex", duplex.uplink_frequency_key),
+            )
+
+    def attenuation_db(self, distance_m: ArrayLike, frequency_khz: float) -> Array:
+        return physics.transmission_loss_db.unchecked(
+            distance_m, self.alpha_db_per_km(frequency_khz), self.settings.spreading_factor
+        )
+
+    def power_per_snr_w(
+        self, distance_m: ArrayLike, frequency_khz: float, bandwidth_hz: float
+    ) -> Array:
+        sea = self.settings
+        loss = self.attenuation_db(distance_m, frequency_khz)
+        noise = physics.ambient_noise_band_level_db.unchecked(
+            frequency_khz, bandwidth_hz, sea.shipping, sea.wind_m_per_s
+        )
+        return physics.sonar_transmit_power_w.unchecked(
+            1.0, loss, noise, sea.uplink_efficiency, sea.uplink_directivity_index_db
+        )
+
+    def as_uplink_w(self, acoustic_w: float) -> float:
+        # Uplinks are in electric power, through a projector of their own.
+        gain = np.float64(10) ** (self.settings.uplink_directivity_index_db / 10)
+        return float(
+            bounded(acoustic_w / (self.settings.uplink_efficiency * gain), 0.0, UPLINK_W[1])
+        )

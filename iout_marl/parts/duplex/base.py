@@ -1,0 +1,122 @@
+"""Duplexing: how charging and uplink share the slot, and who can pay an uplink."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.core.levels import EnergyLevels, Tables
+from iout_marl.core.link import Link
+from iout_marl.core.split import Split
+from iout_marl.core.whole_levels import WholeLevels
+from iout_marl.parts.base import Part
+from iout_marl.physics.arrays import Array
+from iout_marl.registry import Registry
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+class Duplex(Part):
+    """How charging and uplink share the slot.
+
+    Attributes:
+        num_choices: nodes that an AUV names in its action: 2, one to charge and one to hear, or 1
+            for both.
+        splits_slot: whether the slot is divided in time, so that β says how much of it is for
+            charging: 1 where nothing is sent, 0 where nothing is charged.
+        name: what it is called where it is shown; None for its kind.
+    """
+
+    num_choices: int
+    splits_slot: bool = False
+    name: str | None = None
+
+    @property
+    def has_tables(self) -> bool:
+        """Whether it states what a slot does to levels of energy.
+
+        Bounds by energy and travel rely on that.
+        """
+        return False
+
+    @property
+    def label(self) -> str:
+        """What it is called where it is shown."""
+        label: str = self.name or self.settings.kind
+        return label
+
+    @property
+    def charging_frequency_khz(self) -> float:
+        """Of the sound that charges."""
+        raise NotImplementedError
+
+    @property
+    def uplink_frequency_khz(self) -> float:
+        """In the middle of the uplink's band."""
+        raise NotImplementedError
+
+    #: The setting that gives the uplink's frequency.
+    uplink_frequency_key: str = "kind"
+
+    @property
+    def charging_disturbs_uplinks(self) -> bool:
+        """Whether an AUV that charges may be heard by one that listens meanwhile."""
+        return False
+
+    def split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
+        """Split the slot.
+
+        Args:
+            charging_offset, uplink_offset: (envs, auvs) offsets to the nodes charged
+                and heard.
+            stored_j: (envs, auvs) energy of the node heard at the start of the slot.
+        """
+        raise NotImplementedError
+
+    def sends(self, split: Split, payable_j: Array) -> Array:
+        """Whether the node heard sends, (envs, auvs) bool.
+
+        Args:
+            split: the slot's split.
+            payable_j: (envs, auvs) energy of the node heard after charging.
+        """
+        raise NotImplementedError
+
+    def energy_never_binds(self, link: Link, offsets: Integers, num_slots: int) -> bool:  # noqa: ARG002
+        """Whether the harvest of any slot surely pays for any uplink, whatever an AUV does.
+
+        Args:
+            link: the links.
+            offsets: those that an AUV and a node can have.
+            num_slots: slots of an episode.
+        """
+        return False
+
+    def search_tables(self, levels: EnergyLevels, offset: Any) -> Tables:
+        """What a slot does to a node's level of energy, for the search of bounds.
+
+        Never to a lower level than the world would come to.
+
+        Args:
+            levels: the levels.
+            offset: (nodes, cells, 1) offsets of an AUV's cell from a node's.
+        """
+        raise NotImplementedError
+
+    def check_tables(self, levels: WholeLevels, offsets: Integers) -> list[list[list[int]]]:
+        """As `search_tables`, for the check of what was found, by other means.
+
+        Returns:
+            for each offset a list of levels after each slot's outcome: of charging, of delivery,
+            and, where two nodes are named, of both.
+
+        Raises:
+            ArithmeticError: energies are no numbers.
+        """
+        raise NotImplementedError
+
+
+duplexes: Registry[type[Duplex]] = Registry("duplex", Duplex)

@@ -1,0 +1,123 @@
+"""Charging and uplink in one band, one after the other."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from iout_marl.core.levels import BEYOND_J, EnergyLevels, Tables
+from iout_marl.core.link import Link
+from iout_marl.core.split import Split
+from iout_marl.core.whole_levels import WholeLevels, highest
+from iout_marl.parts.base import Context
+from iout_marl.parts.beta_rule import BetaRule
+from iout_marl.parts.duplex.base import Duplex, Floats, Integers, duplexes
+from iout_marl.physics.arrays import Array
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.fields import Fraction, Frequency, invalid
+from iout_marl.scenario.parts import PartOf
+from iout_marl.scenario.parts import Settings as PartSettings
+
+
+@duplexes.register("tdd")
+class TimeDivision(Duplex):
+    """One band and one node a slot: charging for βτ, uplink for (1 − β)τ."""
+
+    class Settings(PartSettings):
+        frequency_khz: Frequency = 40.0
+        #: How β follows from the energy balance.
+        beta_rule: Annotated[PartSettings, PartOf("beta rule", is_word=True)] = Field(
+            "paper", validate_default=True
+        )
+        beta_min: Fraction = 0.1
+        beta_max: Fraction = 0.9
+        #: Whether the AUVs charge at the same time; if not, one that charges disturbs those that
+        #: listen (`channel.access: interference`).
+        synchronised: bool = False
+
+        hash_defaults: ClassVar[dict[str, Any]] = {"synchronised": False}
+
+        @model_validator(mode="after")
+        def _bounds_in_order(self) -> Self:
+            if not self.beta_min < self.beta_max < 1:
+                raise invalid(
+                    ("beta_min",),
+                    f"the bounds must satisfy beta_min < beta_max < 1, "
+                    f"not {self.beta_min:g} and {self.beta_max:g}",
+                )
+            return self
+
+    settings: Settings
+    num_choices = 1
+    splits_slot = True
+    name = "TDD"
+    uplink_frequency_key = "frequency_khz"
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(settings)
+        self.rule: BetaRule = settings.beta_rule.entry.item(settings.beta_rule)
+
+    @property
+    def has_tables(self) -> bool:
+        return self.rule.has_tables
+
+    @property
+    def charging_frequency_khz(self) -> float:
+        return self.settings.frequency_khz
+
+    @property
+    def uplink_frequency_khz(self) -> float:
+        return self.settings.frequency_khz
+
+    @property
+    def charging_disturbs_uplinks(self) -> bool:
+        return not self.settings.synchronised
+
+    def check(self, scenario: Scenario) -> None:
+        self.rule.check(scenario)
+
+    def setup(self, world: Context) -> None:
+        super().setup(world)
+        self._link = world.link
+        self.rule.setup(world)
+
+    def split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
+        return self.rule.split(charging_offset, uplink_offset, stored_j)
+
+    def sends(self, split: Split, payable_j: Array) -> Array:  # noqa: ARG002
+        # The rule for β has seen to it that the uplink is paid wherever there is one.
+        return split.beta < 1
+
+    def energy_never_binds(self, link: Link, offsets: Integers, num_slots: int) -> bool:
+        return self.rule.energy_never_binds(link, offsets, num_slots, self.settings)
+
+    def search_tables(self, levels: EnergyLevels, offset: Any) -> Tables:
+        link = self._link
+        return self.rule.search_tables(
+            levels,
+            link.at(link.harvested_w, offset),
+            link.at(link.power_per_snr_w, offset),
+            np.minimum(link.at(link.slot_uplink_j, offset), BEYOND_J),
+        )
+
+    def check_tables(self, levels: WholeLevels, offsets: Integers) -> list[list[list[int]]]:
+        link, duplex = self._link, self.settings
+        harvested_w, cost_w = link.harvested_w[offsets], link.power_per_snr_w[offsets]
+
+        def gain_j(beta: Floats) -> Floats:
+            required_j = link.budget.required_energy_j(cost_w, (1 - beta) * link.slot_s)
+            return np.asarray(beta * link.slot_s * harvested_w - required_j)
+
+        low, high = (np.full(len(offsets), beta) for beta in (duplex.beta_min, duplex.beta_max))
+        # What overflows is an uplink that nothing pays.
+        with np.errstate(over="ignore", invalid="ignore"):
+            least_j, most_j = gain_j(low), highest(gain_j, low, high)
+        if np.isnan(least_j).any() or np.isnan(most_j).any():
+            raise ArithmeticError
+        energies_j = (harvested_w * link.slot_s, link.slot_uplink_j[offsets], least_j, most_j)
+        return [
+            self.rule.check_rows(levels, *row)
+            for row in zip(*(energy_j.tolist() for energy_j in energies_j), strict=True)
+        ]

@@ -1,0 +1,55 @@
+"""The mean age as a reward."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar
+
+from iout_marl.core.age import jain_of
+from iout_marl.core.state import Events, State
+from iout_marl.parts.base import Context
+from iout_marl.parts.reward.base import Credit, Reward, WeightedAge, most_mean_age, rewards
+from iout_marl.physics.arrays import Array
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.fields import NonNegative, Plausible
+from iout_marl.scenario.parts import Settings as PartSettings
+
+
+@rewards.register("mean_age")
+class MeanAge(Reward):
+    """r = −((1/K) Σ δ_k A_k + w (1 − J)), credited to the team or to each AUV for its part."""
+
+    class Settings(PartSettings):
+        #: w, in slots of mean age: what fairness is worth. Where the paper multiplies, this adds.
+        fairness_weight: Annotated[NonNegative, Plausible(0, 1e6, "slots")] = 0.0
+        credit: Credit = "team"
+
+        hash_defaults: ClassVar[dict[str, Any]] = {"credit": "team", "fairness_weight": 0.0}
+
+    settings: Settings
+
+    def bounds(self, scenario: Scenario) -> dict[str, float]:
+        return {
+            "nodes.weights": most_mean_age(scenario),
+            "reward.fairness_weight": self.settings.fairness_weight,
+        }
+
+    def setup(self, world: Context) -> None:
+        super().setup(world)
+        self._age = WeightedAge(world.scenario, world.backend)
+        self._fairness_weight = self.settings.fairness_weight
+        self._num_nodes = world.nodes.num_nodes
+        self._credit = world.credit
+
+    def __call__(self, state: State, events: Events) -> Mapping[str, Array]:  # noqa: ARG002
+        share = self._credit.share
+        terms = {"age": share(-self._age(state), lambda age, _: -self._age.of(age), state)}
+        if self._fairness_weight:
+            terms["fairness"] = share(self._fairness(state.jain), self._fairness_of, state)
+        return terms
+
+    def _fairness(self, jain: Array) -> Array:
+        return self._fairness_weight * (jain - 1)
+
+    def _fairness_of(self, age: Array, deliveries: Array) -> Array:  # noqa: ARG002
+        return self._fairness(jain_of(self.xp, deliveries, self._num_nodes))

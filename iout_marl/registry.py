@@ -1,0 +1,158 @@
+"""Registries: what can be named in a file or on a command line, and who has brought it.
+
+A registry holds the entries of one role, by their kinds. What comes with this package is
+registered without a version; whatever is registered from outside states one.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from iout_marl.errors import InputError, did_you_mean
+from iout_marl.whole import short
+
+Item = TypeVar("Item", bound=Callable[..., Any])
+Registered = TypeVar("Registered", bound=Callable[..., Any])
+
+_WORD = re.compile(r"[a-z][a-z0-9_]*")
+#: Modules whose entries are part of this package.
+_OWN = ("iout_marl", "trainers")
+#: Called whenever an entry comes or goes.
+on_change: list[Callable[[], None]] = []
+#: Every registry, by role.
+_REGISTRIES: dict[str, Registry[Any]] = {}
+
+
+@dataclass(frozen=True)
+class Entry(Generic[Item]):
+    """What is registered.
+
+    Attributes:
+        role: of what it is one.
+        kind: how it is named.
+        item: the class or the function.
+        version: of what comes from outside; changes whenever the same settings would lead to
+            other results. None for what comes with this package.
+        module: where it was defined.
+    """
+
+    role: str
+    kind: str
+    item: Item
+    version: int | str | None
+    module: str
+
+
+class Registry(Generic[Item]):
+    """The entries of one role.
+
+    Args:
+        role: of what they are: `reward`, say.
+        base: the class that all of them extend; None where functions are registered.
+    """
+
+    def __init__(self, role: str, base: type[Any] | None = None) -> None:
+        self.role = role
+        self.base = base
+        self._entries: dict[str, Entry[Item]] = {}
+        _REGISTRIES[role] = self
+
+    def register(
+        self, kind: str, *, version: int | str | None = None
+    ) -> Callable[[Registered], Registered]:
+        """Decorates what is to be known as a kind.
+
+        Args:
+            kind: a word of lower-case letters, digits and underscores.
+            version: a whole number or a text. What comes from outside of this package must state
+                one, which is part of the hash of every scenario that names it.
+
+        Raises:
+            InputError: the kind is no word or taken, there is no version, or what is
+                decorated is of another role.
+        """
+
+        def take(item: Registered) -> Registered:
+            self._check(kind, version, item)
+            module = getattr(item, "__module__", "") or ""
+            self._entries[kind] = Entry(self.role, kind, item, version, module)  # type: ignore[arg-type]
+            self._changed()
+            return item
+
+        return take
+
+    def unregister(self, kind: str) -> None:
+        """Forget a kind, which must be there."""
+        del self._entries[kind]
+        self._changed()
+
+    def __getitem__(self, kind: str) -> Entry[Item]:
+        """The entry of a kind.
+
+        Raises:
+            InputError: there is none.
+        """
+        if kind not in self._entries:
+            near = did_you_mean(kind, self.kinds)
+            raise InputError(f"unknown {self.role} {short(kind)}{near}")
+        return self._entries[kind]
+
+    def __contains__(self, kind: object) -> bool:
+        return kind in self._entries
+
+    def __iter__(self) -> Iterator[Entry[Item]]:
+        return iter(self._entries.values())
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds, in the order in which they were registered."""
+        return tuple(self._entries)
+
+    def _check(self, kind: str, version: object, item: Any) -> None:
+        name = getattr(item, "__qualname__", short(item))
+        if not isinstance(kind, str) or not _WORD.fullmatch(kind):
+            raise InputError(
+                f"{self.role} {short(kind)}: a kind is a word of lower-case letters, digits and "
+                "underscores"
+            )
+        if self.base is not None and not (inspect.isclass(item) and issubclass(item, self.base)):
+            raise InputError(
+                f"{self.role} {kind!r}: {name} must be a class that extends {self.base.__name__}"
+            )
+        other = self._entries.get(kind)
+        # Of one name in one module it is the same, defined again: a notebook's cell, say.
+        if other and (other.module, other.item.__qualname__) != (item.__module__, name):
+            raise InputError(
+                f"{self.role} {kind!r}: {item.__module__}.{name} has the name of "
+                f"{other.module}.{other.item.__qualname__}: two parts of one kind"
+            )
+        is_own = item.__module__.partition(".")[0] in _OWN
+        if version is None and not is_own:
+            raise InputError(
+                f'{self.role} {kind!r}: {name} must state a version: register("{kind}", version=1)'
+            )
+        if version is not None and (
+            isinstance(version, bool) or not isinstance(version, int | str)
+        ):
+            raise InputError(
+                f"{self.role} {kind!r}: version must be a whole number or a text, "
+                f"not {short(version)}"
+            )
+
+    def _changed(self) -> None:
+        for act in on_change:
+            act()
+
+
+def registry_of(role: str) -> Registry[Any]:
+    """The registry of a role, which must be one."""
+    return _REGISTRIES[role]
+
+
+def registries() -> tuple[Registry[Any], ...]:
+    """All of them."""
+    return tuple(_REGISTRIES.values())

@@ -1,0 +1,137 @@
+"""Fields of a scenario that name a part: its settings are those of a registered kind.
+
+A part's settings are written as a mapping with a `kind`, or, in a field that takes one word,
+as the kind alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from pydantic import BaseModel, GetCoreSchemaHandler, create_model
+from pydantic.fields import FieldInfo
+from pydantic_core import CoreSchema, core_schema
+
+from iout_marl.registry import Entry, registries, registry_of
+from iout_marl.scenario.fields import Section
+
+
+class Settings(Section):
+    """Settings of a part; each kind has its own.
+
+    Attributes:
+        entry: what is registered of the kind.
+    """
+
+    entry: ClassVar[Entry[Any]]
+
+    kind: str = ""
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """The keys of its kind."""
+
+    @property
+    def part(self) -> Any:
+        """A part with these settings, before it belongs to a world: what it states of itself."""
+        return self.entry.item(self)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        entry = self.entry
+        return settings_of, (entry.role, self.model_dump(round_trip=True))
+
+
+@cache
+def settings_model(entry: Entry[Any]) -> type[Settings]:
+    """The settings of a registered part: those that it declares, and its kind."""
+    declared: type[Settings] = entry.item.Settings
+    model = create_model(
+        f"{entry.item.__name__}Settings",
+        __base__=declared,
+        __module__=entry.module,
+        __doc__=declared.__doc__ or entry.item.__doc__,
+        kind=(Literal[entry.kind], entry.kind),  # type: ignore[arg-type]
+    )
+    model.entry = entry
+    return model
+
+
+def settings_of(role: str, data: dict[str, Any]) -> Settings:
+    """A registered part's settings.
+
+    Args:
+        role: of the part.
+        data: its `kind`, and keys of that kind.
+
+    Raises:
+        InputError: no such kind.
+        pydantic.ValidationError: the settings do not fit.
+    """
+    return settings_model(registry_of(role)[data["kind"]]).model_validate(data)
+
+
+@dataclass(frozen=True)
+class PartOf:
+    """Annotates a field that holds the settings of a part.
+
+    Attributes:
+        role: of the part.
+        is_word: it may be written as its kind alone, and is, where it has no other key.
+    """
+
+    role: str
+    is_word: bool = False
+
+    def models(self) -> tuple[type[Settings], ...]:
+        """The settings of every kind."""
+        return tuple(settings_model(entry) for entry in registry_of(self.role))
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        choices = {model.entry.kind: handler.generate_schema(model) for model in self.models()}
+        union = core_schema.tagged_union_schema(choices, "kind", from_attributes=True)
+        if not self.is_word:
+            return union
+        return core_schema.no_info_before_validator_function(
+            _from_word,
+            union,
+            serialization=core_schema.wrap_serializer_function_ser_schema(
+                _to_word, schema=union, when_used="always"
+            ),
+        )
+
+
+def _from_word(value: Any) -> Any:
+    return {"kind": value} if isinstance(value, str) else value
+
+
+def _to_word(value: Settings, serialize: Any) -> Any:
+    return value.kind if len(type(value).model_fields) == 1 else serialize(value)
+
+
+def part_of(field: FieldInfo) -> PartOf | None:
+    """What part a field holds, if it does."""
+    return next((found for found in field.metadata if isinstance(found, PartOf)), None)
+
+
+def part_models() -> tuple[type[Settings], ...]:
+    """Settings of all registered parts that hold parts themselves."""
+    models = [settings_model(e) for registry in registries() for e in registry if _is_part(e.item)]
+    return tuple(m for m in models if any(map(part_of, m.model_fields.values())))
+
+
+def _is_part(item: Any) -> bool:
+    return isinstance(getattr(item, "Settings", None), type)
+
+
+def sections_in(section: BaseModel) -> list[tuple[str, BaseModel]]:
+    """The sections within a section, by name."""
+    return [
+        (name, value)
+        for name in type(section).model_fields
+        if isinstance(value := getattr(section, name), BaseModel)
+    ]
