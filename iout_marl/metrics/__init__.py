@@ -10,7 +10,7 @@ metrics come after the built-in ones, and are shown wherever those are:
     def worst_wait(world, state):
         return world.backend.xp.max(state.age, axis=1)
 
-    @metrics.register("charges", unit="count", per_slot=True, definition="Slots that harvest.")
+    @metrics.register("charges", unit="AUV-slots", per_slot=True, definition="Charge.")
     def charges(world, state, events):
         xp = world.backend.xp
         return xp.sum(events.harvested_j > 0, axis=1)
