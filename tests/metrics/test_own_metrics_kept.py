@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 import torch
+from emulated_graph import EmulatedGraph
 from own_metrics import OWN
 from rich.console import Console
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
@@ -20,7 +21,7 @@ from iout_marl.report.page import render_page
 from iout_marl.study import expand, load_study, run_study
 from iout_marl.study.results import read_results
 from iout_marl.study.run import StudyFolder
-from trainers import RunFolder, Trainer, train
+from trainers import RunFolder, Trainer, graphs, rollout, train
 
 QUIET = Console(quiet=True)
 #: Rollouts end in the middle of episodes, and so do checkpoints.
@@ -60,6 +61,18 @@ class TestTraining:
         alone = Trainer(tiny(), 4).iterate()
         for name in OWN:
             assert logs[1][f"metrics/{name}"] == pytest.approx(alone[f"metrics/{name}"], rel=1e-4)
+
+    def test_recorded_slots_sum_as_those_that_are_run(self, own, tiny, monkeypatch):
+        monkeypatch.setattr(rollout, "NUMPY_DEVICES", ())
+        monkeypatch.setitem(graphs.GRAPHS, "cpu", EmulatedGraph)
+        scenario = tiny(MID_EPISODE)
+        recorded, eager = Trainer(scenario, 3), Trainer(scenario, 3, use_graphs=False)
+        for _ in range(4):
+            logs = recorded.iterate(), eager.iterate()
+            for name in OWN if "metrics/failed" in logs[1] else ():
+                first, second = (log[f"metrics/{name}"] for log in logs)
+                assert first == pytest.approx(second, rel=1e-5)
+        assert "metrics/failed" in logs[0]
 
     def stopped(self, go, folder):
         """A training that stops in the middle of an episode, with a sum that is under way."""
