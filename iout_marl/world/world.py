@@ -214,9 +214,9 @@ class World:
             capped_ages=state.capped_ages + cut_short,
             harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
             spent_j=state.spent_j + _over_auvs(xp, spent_j),
+            sums=state.sums,
             **self.view.after(state, cell, age, energy_j, heard_place, delivered),
             **self.credit.after(state, heard_place, delivered),
-            sums=state.sums,
         )
         events = Events(
             left_grid=left_grid,
