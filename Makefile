@@ -51,14 +51,16 @@ demo: $(RUNTIME)
 reproduce: $(EMISSIONS)
 	$(BIN)/iout reproduce
 
-# The pages of the committed results; RESULTS=runs/paper, MULTI=runs/multi, GAP=runs/gap and
-# FAIRNESS=runs/fairness take over those of new runs.
+# Tables that the software makes of itself, and the pages of the committed results;
+# RESULTS=runs/paper, MULTI=runs/multi, GAP=runs/gap and FAIRNESS=runs/fairness take over those
+# of new runs.
 define PAGE
 	$(if $($(1)),mkdir -p docs/$(2) && cp $($(1))/results.json $($(1))/results.csv docs/$(2)/)
 	$(BIN)/iout report docs/$(2) --markdown docs/$(3).md
 
 endef
 docs: $(RUNTIME)
+	$(BIN)/python docs/tables.py
 	$(call PAGE,RESULTS,results,reproduction)
 	$(call PAGE,MULTI,multi,multi-auv-results)
 	$(call PAGE,GAP,gap,gap-results)

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from iout_marl.errors import printable
 from iout_marl.evaluation import Evaluation
+from iout_marl.metrics import Metric, described
 from iout_marl.terminal import present
 from iout_marl.words import counted, listed
 
@@ -17,16 +18,6 @@ from iout_marl.words import counted, listed
 SIDE_BY_SIDE = 4
 #: Who plays where, of several runs whose layouts were drawn for each.
 EACH_ITS_OWN = "each in a layout of its own"
-#: Rows of the table of an evaluation: metric, heading, decimals.
-ROWS = (
-    ("mean_aoi", "mean AoI", 2),
-    ("final_aoi", "final AoI", 2),
-    ("peak_aoi", "peak AoI", 1),
-    ("jain", "Jain", 3),
-    ("harvested_kj", "harvested kJ", 2),
-    ("uplink_success", "uplinks", 3),
-    ("reward", "reward", 1),
-)
 
 
 def show_columns(results: Sequence[Evaluation], layouts: str = EACH_ITS_OWN) -> None:
@@ -42,19 +33,20 @@ def show_columns(results: Sequence[Evaluation], layouts: str = EACH_ITS_OWN) -> 
         f"{_scenario(results, layouts)}{_episodes(results)}"
         + ("\nmean ± half of the 95 % confidence interval" if has_interval else "")
     )
-    rows = [[_cell(result, *row) for result in results] for row in ROWS]
+    metrics = _rows(results)
+    headings = [printable(metric.heading) for metric in metrics]
+    rows = [[_cell(result, metric) for result in results] for metric in metrics]
     if several_layouts:
         rows.insert(0, [result.scenario_hash for result in results])
     table = Table()
-    table.add_column("", min_width=max(len(heading) for _, heading, _ in ROWS))
+    table.add_column("", min_width=max(map(len, headings)))
     for result, cells in zip(results, zip(*rows, strict=True), strict=True):
         # Only the heading may be folded.
         width = max(map(len, cells))
         heading = Text(printable(result.label))
         table.add_column(heading, justify="right", overflow="fold", min_width=width)
-    headings = ["layout"] * several_layouts + [heading for _, heading, _ in ROWS]
-    for name, row in zip(headings, rows, strict=True):
-        table.add_row(name, *row)
+    for row_heading, row in zip(["layout"] * several_layouts + headings, rows, strict=True):
+        table.add_row(Text(row_heading), *row)
     present(table)
 
 
@@ -70,11 +62,17 @@ def show_spread(results: Sequence[Evaluation]) -> None:
     table = Table()
     for heading in ("", "lowest", "median", "highest"):
         table.add_column(heading, justify="right" if heading else "left")
-    for name, heading, digits in ROWS:
-        means = [result.metrics[name].mean for result in results]
+    for metric in _rows(results):
+        means = [result.metrics[metric.name].mean for result in results]
         figures = (min(means), statistics.median(means), max(means))
-        table.add_row(heading, *(f"{figure:.{digits}f}" for figure in figures))
+        row_heading = Text(printable(metric.heading))
+        table.add_row(row_heading, *(f"{figure:.{metric.digits}f}" for figure in figures))
     present(table)
+
+
+def _rows(results: Sequence[Evaluation]) -> list[Metric]:
+    """The metrics that a table has a row for."""
+    return [metric for metric in map(described, results[0].samples) if metric.in_table]
 
 
 def _scenario(results: Sequence[Evaluation], layouts: str) -> str:
@@ -99,7 +97,7 @@ def _played(result: Evaluation) -> str:
     return counted(result.episodes, "episode") + " (deterministic)" * result.deterministic
 
 
-def _cell(result: Evaluation, name: str, heading: str, digits: int) -> str:  # noqa: ARG001
-    estimate = result.metrics[name]
-    spread = f" ± {estimate.margin:.{digits}f}" if result.episodes > 1 else ""
-    return f"{estimate.mean:.{digits}f}{spread}"
+def _cell(result: Evaluation, metric: Metric) -> str:
+    estimate = result.metrics[metric.name]
+    spread = f" ± {estimate.margin:.{metric.digits}f}" if result.episodes > 1 else ""
+    return f"{estimate.mean:.{metric.digits}f}{spread}"

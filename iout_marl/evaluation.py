@@ -14,6 +14,7 @@ import numpy.typing as npt
 from scipy.special import stdtrit
 
 from iout_marl.errors import InputError
+from iout_marl.metrics import BUILTIN
 from iout_marl.policies import (
     EpisodeStreams,
     ObservationPolicy,
@@ -29,20 +30,8 @@ from iout_marl.world.actions import ActionCheck
 #: More would say no more, and not fit into memory.
 MAX_EPISODES = 1_000_000
 
-#: Metrics in the order of reports. `reward` is the undiscounted return of an AUV,
-#: averaged over AUVs; the others are those of `World.metrics`.
-METRICS = (
-    "mean_aoi",
-    "final_aoi",
-    "peak_aoi",
-    "jain",
-    "harvested_kj",
-    "uplink_success",
-    "reward",
-    "spent_kj",
-    "age_violations",
-    "jain_violation",
-)
+#: The built-in metrics in the order of reports; those of users follow. See `iout_marl.metrics`.
+METRICS = tuple(metric.name for metric in BUILTIN)
 
 
 @dataclass(frozen=True)
@@ -161,8 +150,9 @@ def evaluate(
 
     Raises:
         InputError: no such scenario or baseline, episodes or a seed out of range, a policy
-            whose actions are not integers, of another shape, or outside their space, or a
-            scenario whose numbers grow beyond all bounds.
+            whose actions are not integers, of another shape, or outside their space, a
+            scenario whose numbers grow beyond all bounds, or a user's metric whose values are
+            of another shape, not finite or out of its bounds.
         TypeError: the policy is none.
     """
     episodes = whole_argument("episodes", episodes, 1, MAX_EPISODES)
@@ -177,12 +167,20 @@ def evaluate(
             with _unbounded():
                 total_reward += world.reward(state, events)
     with _unbounded():
-        found = {**world.metrics(state), "reward": total_reward.mean(axis=1)}
-    samples = {name: np.asarray(found[name], dtype=np.float64) for name in METRICS}
-    for name, values in samples.items():
-        if not np.isfinite(values).all():
+        found = world.metrics(state)
+        for metric in world.measured:
+            if metric.kind == "rewards":
+                found[metric.name] = metric.function(world, total_reward)
+    samples = {
+        metric.name: np.asarray(found[metric.name], dtype=np.float64) for metric in world.measured
+    }
+    for metric in world.measured:
+        values = samples[metric.name]
+        if not metric.is_builtin:
+            metric.check(values)
+        elif not np.isfinite(values).all():
             raise InputError(
-                f"{scenario.name}: {name} is {values[~np.isfinite(values)][0]}: "
+                f"{scenario.name}: {metric.name} is {values[~np.isfinite(values)][0]}: "
                 "the scenario has numbers that are too large to compute with"
             )
     return Evaluation(

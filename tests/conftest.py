@@ -6,7 +6,7 @@ import pytest
 import torch
 from tiny_study import TINY
 
-from iout_marl import load_scenario
+from iout_marl import load_scenario, metrics
 from iout_marl.cli import main
 
 
@@ -36,6 +36,15 @@ def tiny():
 def tiny_settings():
     """The tiny scenario as options of the command line."""
     return [word for key, value in TINY.items() for word in ("--set", f"{key}={value}")]
+
+
+@pytest.fixture
+def forgotten_metrics():
+    """For a test that registers metrics: they are forgotten after it."""
+    yield
+    for metric in metrics.registered():
+        if not metric.is_builtin:
+            metrics.unregister(metric.name)
 
 
 @pytest.fixture

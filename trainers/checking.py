@@ -109,6 +109,7 @@ def check_state(path: Path, saved: dict[str, Any], trainer: Trainer, policy: int
     if settings.reward_scaling == "running" and saved["env_steps"]:
         shape = (settings.environments, trainer.simulation.world.num_auvs)
         like["reward_scale"]["return"] = torch.zeros(shape)
+    _allow_other_sums(saved, like)
     check_like(path, saved, like)
     for name, is_right in _ranges(saved, like, trainer, policy):
         if not is_right:
@@ -117,6 +118,16 @@ def check_state(path: Path, saved: dict[str, Any], trainer: Trainer, policy: int
         torch.Generator(trainer.device).set_state(saved["simulation"]["generator"])
     except RuntimeError:
         _refuse(path, "'simulation.generator' is no state of a generator")
+
+
+def _allow_other_sums(saved: dict[str, Any], like: dict[str, Any]) -> None:
+    """Other metrics may be registered now than when a checkpoint was made."""
+    simulation = saved.get("simulation")
+    sums = simulation.get("sums") if isinstance(simulation, dict) else None
+    like["simulation"].pop("sums", None)
+    if isinstance(sums, dict):
+        one = torch.zeros_like(like["simulation"]["state"]["mean_age"])
+        like["simulation"]["sums"] = dict.fromkeys(sums, one)
 
 
 def _ranges(

@@ -16,9 +16,12 @@ from torch.utils.tensorboard import SummaryWriter
 
 from iout_marl.errors import InputError
 from iout_marl.files import reason, to_json, write_atomically
+from iout_marl.metrics import described
 from trainers.metrics import damaged_lines, read_rows, row
 from trainers.run_folder import RunFolder
 
+#: Metrics that the terminal shows, by the name of their field.
+_SHOWN = {"aoi": described("mean_aoi"), "jain": described("jain"), "kj": described("harvested_kj")}
 #: Seconds between two lines where there is no terminal to draw a bar in.
 LINE_EVERY_S = 10.0
 
@@ -63,9 +66,9 @@ class TrainingLog:
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=None),
             TextColumn("{task.percentage:>3.0f} %"),
-            TextColumn("sampled AoI {task.fields[aoi]:6.2f}"),
-            TextColumn("Jain {task.fields[jain]:.3f}"),
-            TextColumn("{task.fields[kj]:5.2f} kJ"),
+            TextColumn(f"sampled AoI {{task.fields[aoi]:6.{_SHOWN['aoi'].digits}f}}"),
+            TextColumn(f"Jain {{task.fields[jain]:.{_SHOWN['jain'].digits}f}}"),
+            TextColumn(f"{{task.fields[kj]:5.{_SHOWN['kj'].digits}f}} {_SHOWN['kj'].unit}"),
             TextColumn("{task.fields[rate]:>7,.0f} steps/s"),
             TimeRemainingColumn(),
             console=console,
@@ -125,21 +128,19 @@ class TrainingLog:
 
     def _show(self, env_steps: int, log: dict[str, float]) -> None:
         fields = {"rate": log["speed/env_steps_per_s"]}
-        if "aoi/mean" in log:
-            fields["aoi"] = log["aoi/mean"]
-            fields["jain"] = log["fairness/jain"]
-            fields["kj"] = log["energy/harvested_kj"]
+        if _SHOWN["aoi"].tag in log:
+            fields |= {field: log[metric.tag] for field, metric in _SHOWN.items()}
         self._progress.update(self._task, completed=env_steps, **fields)  # type: ignore[arg-type]
         now = time.monotonic()
         done = env_steps >= self._total
         if not self._console.is_terminal and (done or now - self._last_line >= LINE_EVERY_S):
             self._last_line = now
             shown: dict[str, Any] = self._progress.tasks[0].fields
+            aoi, jain, kj = (f"{shown[key]:.{metric.digits}f}" for key, metric in _SHOWN.items())
             tell(
                 self._console,
-                f"{self._name}  {min(env_steps / self._total, 1):4.0%}  sampled AoI "
-                f"{shown['aoi']:.2f}  Jain {shown['jain']:.3f}  {shown['kj']:.2f} kJ  "
-                f"{shown['rate']:,.0f} steps/s",
+                f"{self._name}  {min(env_steps / self._total, 1):4.0%}  sampled AoI {aoi}  "
+                f"Jain {jain}  {kj} {_SHOWN['kj'].unit}  {shown['rate']:,.0f} steps/s",
             )
 
 

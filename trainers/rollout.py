@@ -12,6 +12,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from iout_marl.metrics import described
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World, node_codes, redraws_every_episode
 from trainers.graphs import Graph, Recorded, write_over
@@ -50,24 +51,12 @@ class Rollout:
 
     def log(self) -> dict[str, Tensor]:
         """Means of the episodes that ended, and of the rewards, by TensorBoard tag: () each."""
-        tags = {
-            "mean_aoi": "aoi/mean",
-            "final_aoi": "aoi/final",
-            "peak_aoi": "aoi/peak",
-            "jain": "fairness/jain",
-            "harvested_kj": "energy/harvested_kj",
-            "spent_kj": "energy/spent_kj",
-            "uplink_success": "uplink/success_rate",
-            "age_violations": "constraints/age_violations",
-            "jain_violation": "constraints/jain_violation",
-        }
         log = {
-            tag: torch.stack([e[name] for e in self.episodes]).mean(0)
-            for name, tag in tags.items()
-            if self.episodes
+            described(name).tag: torch.stack([e[name] for e in self.episodes]).mean(0)
+            for name in (self.episodes[0] if self.episodes else ())
         }
         log |= {f"reward/{name}": value for name, value in self.reward_terms.items()}
-        log["reward/total"] = torch.stack(list(self.reward_terms.values())).sum(0)
+        log[described("reward").tag] = torch.stack(list(self.reward_terms.values())).sum(0)
         return log
 
 
@@ -367,15 +356,21 @@ class Simulation:
             name: self.group.join(t.reshape(*policies, *t.shape[1:])[policy].clone()).cpu()
             for name, t in tensors.items()
         }
+        sums = whole.pop("sums").unbind(-1)
+        names = [metric.name for metric in self.world.summed]
         return {
             "state": whole,
+            **({"sums": dict(zip(names, sums, strict=True))} if names else {}),
             "layout_rng": self.layout_rngs[policy].bit_generator.state,
             "generator": self.generators[policy].get_state(),
         }
 
     def load_state_dict(self, saved: Sequence[dict[str, Any]]) -> None:
-        """Go on from the `state_dict` of each policy."""
-        states = [one["state"] for one in saved]
+        """Go on from the `state_dict` of each policy.
+
+        Of metrics that were not summed when it was made, the sums begin at 0.
+        """
+        states = [one["state"] | {"sums": self._sums_of(one)} for one in saved]
         joined = State(*(torch.cat([s[name][self._own] for s in states]) for name in State._fields))
         if self.world.backend.xp is np:
             state = joined.map(lambda tensor: tensor.numpy())
@@ -386,6 +381,11 @@ class Simulation:
         for one, rng, generator in zip(saved, self.layout_rngs, self.generators, strict=True):
             rng.bit_generator.state = one["layout_rng"]
             generator.set_state(one["generator"])
+
+    def _sums_of(self, saved: dict[str, Any]) -> Tensor:
+        none = torch.zeros_like(saved["state"]["mean_age"])
+        sums = [saved.get("sums", {}).get(m.name, none) for m in self.world.summed]
+        return torch.stack(sums, dim=-1) if sums else none[:, None][:, :0]
 
 
 def _row(rows: Tensor, t: int | Tensor) -> Tensor:

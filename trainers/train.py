@@ -19,6 +19,7 @@ import iout_marl
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.files import reason, to_json, user_path
+from iout_marl.metrics import described
 from iout_marl.scenario import Scenario, load_scenario, to_yaml
 from iout_marl.signals import Stopped, StopSignals
 from iout_marl.terminal import progress_console
@@ -295,6 +296,7 @@ class _Training:
         trainer, group, stop = self._trainer, self._trainer.group, self._stop
         every = trainer.settings.checkpoint_steps
         steps, name = trainer.settings.steps, self._source.name
+        mean_aoi = described("mean_aoi").tag
         failure: InputError | None = None
         writing = self._runs if group.rank == 0 else []
         with TrainingLog(writing, name, steps, trainer.env_steps, self._console) as log:
@@ -309,7 +311,7 @@ class _Training:
                     failure = error  # what was learnt is saved all the same
                 self._check_finite(figures)
                 self.sampled_aoi = [
-                    each.get("aoi/mean", last)
+                    each.get(mean_aoi, last)
                     for each, last in zip(figures, self.sampled_aoi, strict=True)
                 ]
                 if trainer.env_steps - (self._saved_at or 0) >= every:
@@ -344,6 +346,13 @@ class _Training:
         for run, log in zip(self._runs, figures, strict=True):
             if not math.isfinite(log["ppo/loss"] + log["ppo/gradient_norm"]):
                 raise DivergedError(run.path, self._trainer.env_steps, self._saved_at)
+            for metric in self._trainer.simulation.world.measured:
+                value = log.get(metric.tag, 0.0)
+                if not metric.is_builtin and not math.isfinite(value):
+                    raise InputError(
+                        f"{run.path}: metric {metric.name}: must be finite, not {value}, after "
+                        f"{self._trainer.env_steps:,} environment steps; {_last(self._saved_at)}"
+                    )
 
     def evaluated(self, episodes: int) -> list[Evaluation]:
         """The evaluation of every policy; none where a signal has come.

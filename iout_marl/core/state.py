@@ -35,6 +35,8 @@ class State(NamedTuple):
     # The network without each AUV; no nodes where rewards are those of the team.
     others_age: Array  # (envs, auvs, nodes) float, slots: age by deliveries to others alone
     others_deliveries: Array  # (envs, auvs, nodes) float, count: packets delivered to others
+    # What users' metrics add up; no columns where there are none.
+    sums: Array  # (envs, metrics) float: each summed over the slots so far
 
     def map(self, function: Callable[[Array], Array]) -> State:
         """The state with `function` applied to every array."""

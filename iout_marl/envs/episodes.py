@@ -97,19 +97,23 @@ class Episodes:
         # A world holds its array library, which cannot be copied, nor can a function made
         # of it; but they hold nothing that changes, either.
         state = {**vars(self), "world": None, "_play": None}
-        return state | {"_played": self._play and (self._play.state, self._play.events)}
+        summed = tuple(metric.name for metric in self.world.summed)
+        return state | {"_played": self._play and (self._play.state, self._play.events, summed)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         played = state.pop("_played")
         vars(self).update(state)
         self.world = World(self.scenario, self._num_envs)
         if played:
-            self._play = self._play_from(*played)
+            before, events, summed = played
+            self._play = self._play_from(self.world.with_sums_of(before, summed), events)
 
     def _play_from(self, state: State, events: Events | None = None) -> Play:
         if self._num_envs > 1 or not pays_unrolled(self.scenario):
             return BatchedPlay(self.world, state, events)
-        slot = unrolled_slot(self.scenario, with_mask=self.mask_place != "none")
+        slot = unrolled_slot(
+            self.scenario, with_mask=self.mask_place != "none", summed=self.world.summed
+        )
         return UnrolledPlay(slot, self.world, state, events)
 
     def reset(

@@ -39,7 +39,7 @@ class Simulator:
     def __init__(self, scenario: Scenario) -> None:
         # What is of no matter to a plan costs time in every step.
         self._scenario = load_scenario(scenario, {"observation.view_range_m": None})
-        self.world = World(self._scenario)
+        self.world = World(self._scenario, measured=())
         self.hastes = HASTES if self.world.duplex.num_choices == 1 else HASTES[:1]
         self._worlds: dict[int, World] = {1: self.world}
 
@@ -61,7 +61,7 @@ class Simulator:
         """The states after one slot, by the rules of `World.step`."""
         count = len(action)
         if count not in self._worlds:
-            self._worlds[count] = World(self._scenario, count)
+            self._worlds[count] = World(self._scenario, count, measured=())
         return self._worlds[count].step(state, action)[0]
 
     def replay(self, state: State, actions: Integers) -> Plan:

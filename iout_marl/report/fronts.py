@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from iout_marl.report.content import Line, Plot, Section, Table
-from iout_marl.report.measures import METRIC_DIGITS, fixed
+from iout_marl.report.measures import fixed, metric_heading, metric_mean
 from iout_marl.report.palette import GREY, hue
-from iout_marl.report.study_figures import HEADINGS, protocol
+from iout_marl.report.study_figures import protocol
 from iout_marl.study.results import Record, Results
 
 #: From this Jain's index on, to the digits of tables, P1 is as good as met.
@@ -131,8 +131,8 @@ def _figure(
         caption=f"A point is a run; of those on the line none is better in both. "
         f"{protocol(results, names, intervals=False)}",
         command=results.command,
-        x_label=HEADINGS["jain"],
-        y_label=HEADINGS["mean_aoi"],
+        x_label=metric_heading("jain"),
+        y_label=metric_heading("mean_aoi"),
         lines=tuple(lines),
     )
 
@@ -143,7 +143,7 @@ def _table(results: Results, key: str, world: str, front: Sequence[Point]) -> Ta
             point.series,
             f"{point.seed}",
             fixed(point.jain, 4),
-            fixed(point.mean_aoi, METRIC_DIGITS["mean_aoi"]),
+            metric_mean(point.mean_aoi, "mean_aoi"),
             fixed(point.objective, 4),
         )
         for point in front
@@ -153,7 +153,13 @@ def _table(results: Results, key: str, world: str, front: Sequence[Point]) -> Ta
         title=f"Pareto front: {world}",
         caption="Of every other run one of these is at least as fair and at least as fresh.",
         command=results.command,
-        columns=("Series", "Seed", HEADINGS["jain"], HEADINGS["mean_aoi"], "(1 − J) · mean AoI"),
+        columns=(
+            "Series",
+            "Seed",
+            metric_heading("jain"),
+            metric_heading("mean_aoi"),
+            "(1 − J) · mean AoI",
+        ),
         rows=tuple(rows),
         numeric=frozenset(range(1, 5)),
     )

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from iout_marl.evaluation import METRICS
 from iout_marl.report.markup import as_data
-from iout_marl.study.records import metrics_of
 from iout_marl.study.results import CellResult, Failure, Record, Results
 
 
@@ -83,7 +83,10 @@ def _fault(cell: CellResult) -> str | None:
 def _record(record: Record, data: _Texts) -> Record:
     texts = ("scenario", "scenario_hash", "world_hash", "search", "date")
     changes = {name: data(getattr(record, name)) for name in texts if getattr(record, name)}
-    samples = {name: record.samples[name] for name in metrics_of(record.policy)}
+    samples = {
+        name if name in METRICS else data.name(name): values
+        for name, values in record.samples.items()
+    }
     machine = {as_data(name): as_data(value) for name, value in record.machine.items()}
     return record.model_copy(update={**changes, "samples": samples, "machine": machine})
 

@@ -11,21 +11,9 @@ from scipy.special import stdtrit
 
 from iout_marl.bounds import rounded_down
 from iout_marl.evaluation import Estimate
+from iout_marl.metrics import described
+from iout_marl.report.markup import as_data
 from iout_marl.study.results import Measured, Record
-
-#: Digits behind the point, and the unit, of each metric in texts.
-METRIC_DIGITS = {
-    "mean_aoi": 2,
-    "final_aoi": 2,
-    "peak_aoi": 1,
-    "jain": 3,
-    "harvested_kj": 2,
-    "spent_kj": 2,
-    "uplink_success": 3,
-    "reward": 1,
-    "age_violations": 1,
-    "jain_violation": 2,
-}
 
 #: From here on numbers are written with a power of ten.
 MOST_DIGITS = 1e12
@@ -141,7 +129,17 @@ def percent(estimate: Estimate) -> str:
 
 def metric(measured: Measured | None, name: str) -> str:
     """A metric with its interval; a dash where it was not measured."""
-    return "–" if measured is None else number(measured.estimate, METRIC_DIGITS[name])
+    return "–" if measured is None else number(measured.estimate, described(name).digits)
+
+
+def metric_mean(value: float, name: str) -> str:
+    """A value of a metric, with its digits."""
+    return fixed(value, described(name).digits)
+
+
+def metric_heading(name: str) -> str:
+    """What an axis or a column of a metric is called."""
+    return as_data(described(name).axis_title)
 
 
 def place_text(place: float) -> str:

@@ -4,46 +4,53 @@ from __future__ import annotations
 
 from collections import Counter
 
+from iout_marl.evaluation import METRICS
+from iout_marl.metrics import DRAWN, TABLED, described
 from iout_marl.report.content import Report, Section, Table
 from iout_marl.report.fronts import front_section
 from iout_marl.report.gaps import gap_lead, gap_section
-from iout_marl.report.measures import counted, duration, fixed, place_text
+from iout_marl.report.markup import as_data
+from iout_marl.report.measures import counted, duration, metric_mean, place_text
 from iout_marl.report.palette import COLOURS
 from iout_marl.report.study_figures import learning_figure, metric_figure, metrics_table
 from iout_marl.study.results import Results
 
 #: Series that a figure has room for.
 MOST_SERIES = 24
-#: Metrics that get a figure of their own.
-FIGURES = (
-    ("mean_aoi", "Mean Age of Information"),
-    ("harvested_kj", "Energy harvested"),
-    ("jain", "Fairness"),
-)
 
 
 def plain_report(results: Results) -> Report:
     """Every series over the axis."""
+    first = described(DRAWN[0])
     best = min(
         (
             (measured.mean, name, place)
             for name in results.series
             if not results.is_bound(name)
             for place in results.places(name)
-            if (measured := results.measured(name, place, "mean_aoi"))
+            if (measured := results.measured(name, place, first.name))
         ),
         default=None,
     )
     lead = [results.description] if results.description else []
     if best is not None:
         lead.append(
-            f"The lowest mean AoI, {fixed(best[0], 2)}, is that of {best[1]} at "
-            f"{results.axis.label} = {place_text(best[2])}."
+            f"The lowest {first.heading}, {metric_mean(best[0], first.name)}, is that of "
+            f"{best[1]} at {results.axis.label} = {place_text(best[2])}."
         )
     lead += gap_lead(results)
+    others = results.metrics[len(METRICS) :]
+    # Their names may be no names of files.
+    keys = {name: f"metric-{i + 1}" for i, name in enumerate(others)}
     figures = [
-        metric_figure(results, metric + number, title + of_what, metric, names)
-        for metric, title in FIGURES
+        metric_figure(
+            results,
+            keys.get(name, name) + number,
+            as_data(described(name).title) + of_what,
+            name,
+            names,
+        )
+        for name in (*DRAWN, *others)
         for number, of_what, names in _families(results.series)
     ]
     overview = Section(
@@ -51,7 +58,7 @@ def plain_report(results: Results) -> Report:
         title="Series over the axis",
         items=(
             *(figure for figure in figures if figure.lines),
-            metrics_table(results, "metrics", "All series", results.series),
+            metrics_table(results, "metrics", "All series", results.series, (*TABLED, *others)),
         ),
     )
     sections = [gap_section(results), front_section(results), overview]
@@ -88,11 +95,10 @@ def _families(series: list[str]) -> list[tuple[str, str, list[str]]]:
 
 def learning_section(results: Results, series: list[str]) -> Section:
     """Curves of all trained series."""
+    tag = described(DRAWN[0]).tag
     trained = [n for n in series if any(r.training for r in results.records(n))]
     items = [
-        learning_figure(
-            results, f"learning-{i + 1}", f"Learning curves: {name}", "aoi/mean", [name]
-        )
+        learning_figure(results, f"learning-{i + 1}", f"Learning curves: {name}", tag, [name])
         for i, name in enumerate(trained)
     ]
     shown = tuple(figure for figure in items if figure.lines)

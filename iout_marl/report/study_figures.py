@@ -7,29 +7,18 @@ from collections.abc import Sequence
 from typing import Any
 
 from iout_marl.evaluation import Estimate
+from iout_marl.metrics import TABLED, curve_title, described
 from iout_marl.report.content import Line, Plot, Table, Trajectory
 from iout_marl.report.intake import curves, walk_of
-from iout_marl.report.measures import METRIC_DIGITS, bound_text, counted, fixed, place_text
+from iout_marl.report.measures import (
+    bound_text,
+    counted,
+    metric_heading,
+    metric_mean,
+    place_text,
+)
 from iout_marl.report.measures import metric as metric_text
 from iout_marl.study.results import Measured, Record, Results
-
-#: Metrics that are drawn and tabled: heading, and what its unit is.
-HEADINGS = {
-    "mean_aoi": "Mean AoI in slots",
-    "final_aoi": "Final AoI in slots",
-    "peak_aoi": "Peak AoI in slots",
-    "harvested_kj": "Energy harvested in kJ",
-    "jain": "Jain's index",
-    "uplink_success": "Uplinks that arrive",
-    "age_violations": "Ages above A_max",
-}
-#: What a curve of a training is called.
-CURVE_HEADINGS = {
-    "aoi/mean": "Mean AoI in slots",
-    "reward/total": "Mean reward of a slot",
-    "fairness/jain": "Jain's index",
-    "energy/harvested_kj": "Energy harvested in kJ",
-}
 
 #: Places further apart than by this factor have a logarithmic axis.
 MOST_LINEAR = 100
@@ -116,7 +105,7 @@ def metric_figure(
         caption=" ".join(part for part in (remark, protocol(results, shown)) if part),
         command=results.command,
         x_label=results.axis.label,
-        y_label=HEADINGS[metric],
+        y_label=metric_heading(metric),
         lines=tuple(lines),
         **over_axis(results, lines),
     )
@@ -152,7 +141,7 @@ def learning_figure(
         caption=f"{remark} {LEARNING}".strip(),
         command=results.command,
         x_label="Environment steps",
-        y_label=CURVE_HEADINGS[curve],
+        y_label=curve_title(curve),
         lines=tuple(lines),
     )
 
@@ -190,7 +179,7 @@ def trajectory_figure(results: Results, key: str, series: str, place: float) -> 
             f"One episode of the deterministic policy of seed {record.seed} on "
             f"{record.scenario} ({record.scenario_hash}): {deliveries} of "
             f"{counted(len(walk.delivered), 'slot')} deliver a packet; mean AoI "
-            f"{fixed(record.mean('mean_aoi'), 2)}."
+            f"{metric_mean(record.mean('mean_aoi'), 'mean_aoi')}."
         ),
         command=results.command,
         grid=walk.grid,
@@ -209,7 +198,7 @@ def metrics_table(
     key: str,
     title: str,
     series: Sequence[str],
-    metrics: Sequence[str] = ("mean_aoi", "harvested_kj", "jain", "age_violations"),
+    metrics: Sequence[str] = TABLED,
     remark: str = "",
 ) -> Table:
     """Metrics with their intervals, a row for each series and place on the axis."""
@@ -229,7 +218,7 @@ def metrics_table(
         title=title,
         caption=" ".join(part for part in (remark, protocol(results, shown)) if part),
         command=results.command,
-        columns=("Series", results.axis.label, *(HEADINGS[metric] for metric in metrics)),
+        columns=("Series", results.axis.label, *map(metric_heading, metrics)),
         rows=tuple(rows),
         numeric=frozenset(range(1, len(metrics) + 2)),
     )
@@ -238,7 +227,7 @@ def metrics_table(
 def _metric_text(results: Results, series: str, place: float, metric: str) -> str:
     measured = results.measured(series, place, metric)
     if measured is not None and results.is_bound(series):
-        return bound_text(measured.mean, METRIC_DIGITS[metric])
+        return bound_text(measured.mean, described(metric).digits)
     return metric_text(measured, metric)
 
 

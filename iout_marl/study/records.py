@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, Self, TypeAlias
 
@@ -11,6 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from iout_marl import machine
 from iout_marl.evaluation import METRICS
+from iout_marl.metrics import BUILTIN, described
 from iout_marl.scenario.fields import Fraction, invalid
 from iout_marl.study.cells import Cell
 from iout_marl.study.fields import (
@@ -29,20 +29,9 @@ from iout_marl.world import pin_layout
 #: Digits that are kept of a figure.
 DIGITS = 7
 #: What of a training's log is kept.
-CURVES = ("aoi/mean", "fairness/jain", "energy/harvested_kj", "reward/total")
+CURVES = tuple(metric.tag for metric in BUILTIN if metric.has_curve)
 #: Settings of a training that reports calculate with.
 _NUMBERS = ("discount", "learning_rate", "steps")
-
-#: What metrics cannot be below and above: where intervals end.
-BOUNDS = {
-    "jain": (0.0, 1.0),
-    "jain_violation": (0.0, 1.0),
-    "uplink_success": (0.0, 1.0),
-    "reward": (-math.inf, math.inf),
-}
-NOT_NEGATIVE = (0.0, math.inf)
-#: Ages begin at 1, and reductions are shares of them.
-_AGES = ("mean_aoi", "final_aoi", "peak_aoi")
 
 
 def _check_setting(value: Any) -> Any:
@@ -77,8 +66,7 @@ class Emissions(Saved):
 class TrainingRecord(Saved):
     """A training: by which settings, how long it took, and how it went.
 
-    `curve` has a list for each of `env_steps`, `aoi/mean`, `fairness/jain`,
-    `energy/harvested_kj` and `reward/total`, of the episodes of each rollout.
+    `curve` has a list for each of `env_steps` and `CURVES`, of the episodes of each rollout.
     """
 
     settings: dict[Words, _Setting]
@@ -142,11 +130,12 @@ class _Episode(Saved):
 class Record(Saved):
     """What a cell has computed.
 
-    `samples` has every metric of every episode that was played, of a bound the one that it
-    bounds; a single episode stands for all where `deterministic`. `episode` is the first one
-    in full, of policies that were trained (see `iout_marl.episode.Episode`). `world_hash` is
-    that of the world that was played: of one layout, where one was drawn. `search` says how a
-    bound was found, or how long a plan was searched for.
+    `samples` has every metric of every episode that was played, those of users after the
+    built-in ones, of a bound the one that it bounds; a single episode stands for all where
+    `deterministic`. `episode` is the first one in full, of policies that were trained (see
+    `iout_marl.episode.Episode`). `world_hash` is that of the world that was played: of one
+    layout, where one was drawn. `search` says how a bound was found, or how long a plan was
+    searched for.
     """
 
     key: Words
@@ -183,7 +172,7 @@ class Record(Saved):
     ) -> Self:
         """The record of a cell on this machine."""
         scenario = cell.scenario
-        kept = {name: rounded(samples[name]) for name in metrics_of(cell.policy)}
+        kept = {name: rounded(values) for name, values in samples.items()}
         return cls(
             key=cell.key,
             scenario=scenario.name,
@@ -208,14 +197,19 @@ class Record(Saved):
 
     @model_validator(mode="after")
     def _has_every_sample(self) -> Self:
-        for name in metrics_of(self.policy):
+        for name in dict.fromkeys((*metrics_of(self.policy), *self.samples)):
             values = self.samples.get(name, [])
             if len(values) != self.episodes:
                 raise invalid(("samples", name), "must hold a number for each episode")
-            low, high = BOUNDS.get(name, NOT_NEGATIVE)
-            if min(values) < low or max(values) > high:
-                raise invalid(("samples", name), f"must lie between {low:g} and {high:g}")
-            if name in _AGES and min(values) < 1 / LARGEST:
+            metric = described(name)
+            # Of users' metrics the bounds are checked where they are computed: here they may be
+            # registered otherwise by now.
+            if not metric.is_builtin:
+                continue
+            if min(values) < metric.low or max(values) > metric.high:
+                limits = f"{metric.low:g} and {metric.high:g}"
+                raise invalid(("samples", name), f"must lie between {limits}")
+            if metric.is_positive and min(values) < 1 / LARGEST:
                 raise invalid(("samples", name), "must lie above 0")
         return self
 
@@ -244,7 +238,7 @@ class Record(Saved):
 
 
 def metrics_of(policy: str) -> tuple[str, ...]:
-    """What is known of a policy, or of a bound."""
+    """What is known of every policy, or of a bound."""
     return ("mean_aoi",) if policy == BOUND else METRICS
 
 

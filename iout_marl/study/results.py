@@ -15,14 +15,13 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from iout_marl.errors import InputError
 from iout_marl.evaluation import METRICS, Estimate
 from iout_marl.files import read_json, to_json
+from iout_marl.metrics import described
 from iout_marl.scenario.fields import invalid
 from iout_marl.scenario.layers import show_path
 from iout_marl.study.cells import MAX_CELLS
 from iout_marl.study.fields import Line, NotNegative, Number, Text, Words
 from iout_marl.study.records import (
-    BOUNDS,
     DIGITS,
-    NOT_NEGATIVE,
     Emissions,
     Record,
     Saved,
@@ -80,12 +79,12 @@ class Measured:
     Attributes:
         samples: the values behind it: the means of the seeds, or the episodes.
         over: `seeds`, or `episodes` where there is only one seed.
-        bounds: what the values cannot be below and above.
+        bounds: what the values cannot be below and above, where their intervals end.
     """
 
     samples: tuple[float, ...]
     over: str
-    bounds: tuple[float, float] = NOT_NEGATIVE
+    bounds: tuple[float, float] = (0.0, math.inf)
 
     @property
     def estimate(self) -> Estimate:
@@ -107,7 +106,7 @@ def measured_of(records: Iterable[Record], metric: str) -> Measured | None:
     found = [record for record in records if metric in record.samples]
     if not found:
         return None
-    bounds = BOUNDS.get(metric, NOT_NEGATIVE)
+    bounds = described(metric).low, described(metric).high
     if len(found) > 1:
         return Measured(tuple(record.mean(metric) for record in found), "seeds", bounds)
     return Measured(tuple(found[0].samples[metric]), "episodes", bounds)
@@ -169,6 +168,12 @@ class Results(Saved):
         """Names of the series, in the study's order."""
         return list(dict.fromkeys(cell.series for cell in self.cells))
 
+    @property
+    def metrics(self) -> tuple[str, ...]:
+        """Names of the metrics of all cells: the built-in ones, then users', as they come."""
+        found = (name for cell in self.cells for name in cell.record.samples)
+        return tuple(dict.fromkeys((*METRICS, *found)))
+
     def is_bound(self, series: str) -> bool:
         """Whether a series is one of bounds, not of policies."""
         return any(record.is_bound for record in self.records(series))
@@ -203,7 +208,8 @@ class Results(Saved):
         rows = csv.writer(text, lineterminator="\n")
         place = ("group", "series", self.axis.key, "scenario", "scenario_hash", "policy", "seed")
         cost = ("env_steps", "seconds", "energy_kwh", "co2_kg", "search")
-        rows.writerow((*place, "episodes", *METRICS, *cost))
+        metrics = self.metrics
+        rows.writerow((*place, "episodes", *metrics, *cost))
         for cell in self.cells:
             record = cell.record
             training = record.training
@@ -214,7 +220,7 @@ class Results(Saved):
                     *(record.scenario_hash, record.policy, record.seed, record.episodes),
                     *(
                         f"{record.mean(metric):.{DIGITS}g}" if metric in record.samples else ""
-                        for metric in METRICS
+                        for metric in metrics
                     ),
                     *((training.env_steps, training.seconds) if training else ("", "")),
                     *((emissions.energy_kwh, emissions.co2_kg) if emissions else ("", "")),

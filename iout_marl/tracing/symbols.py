@@ -241,6 +241,8 @@ def _concat(arrays: Sequence[Any], axis: int = 0) -> SymbolArray:
 
 
 def _sum(values: SymbolArray, axis: int, *, keepdims: bool = False) -> SymbolArray:
+    if values.kind is bool:
+        values = SymbolArray(values.values, int)
     if values.shape[axis] == 0:
         return SymbolArray(np.sum(values.values, axis=axis, keepdims=keepdims), values.kind)
     return _reduced(_add, values, axis, keepdims=keepdims)

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import unheard
 from iout_marl.core.state import Events, State
+from iout_marl.metrics import Metric
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
 from iout_marl.tracing.program import Program
@@ -46,9 +47,11 @@ def pays_unrolled(scenario: Scenario) -> bool:
 
 # It never changes, and all environments of a process can share it.
 @functools.lru_cache(maxsize=16)
-def unrolled_slot(scenario: Scenario, *, with_mask: bool = False) -> UnrolledSlot:
+def unrolled_slot(
+    scenario: Scenario, *, with_mask: bool = False, summed: tuple[Metric, ...] = ()
+) -> UnrolledSlot:
     """The `UnrolledSlot` of a scenario, made once."""
-    return UnrolledSlot(scenario, with_mask=with_mask)
+    return UnrolledSlot(scenario, with_mask=with_mask, summed=summed)
 
 
 class UnrolledSlot:
@@ -59,11 +62,14 @@ class UnrolledSlot:
     Args:
         scenario: the scenario.
         with_mask: also say which actions make sense.
+        summed: metrics that are summed over slots, see `World.summed`.
     """
 
     @unheard
-    def __init__(self, scenario: Scenario, *, with_mask: bool = False) -> None:
-        program, world = Program(), World(scenario, library=LIBRARY)
+    def __init__(
+        self, scenario: Scenario, *, with_mask: bool = False, summed: tuple[Metric, ...] = ()
+    ) -> None:
+        program, world = Program(), World(scenario, library=LIBRARY, measured=summed)
         # Of a first state every number is known.
         state = world.reset(np.zeros((1, world.num_nodes), dtype=np.int64))
         shape = (1, world.num_auvs, len(world.action_sizes))

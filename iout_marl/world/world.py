@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from iout_marl.core.link import Link
 from iout_marl.core.state import Events, State
 from iout_marl.core.view import View
 from iout_marl.errors import InputError
+from iout_marl.metrics import Metric, registered
 from iout_marl.parts import Access, Context, Duplex, Request, Reward, at_work
 from iout_marl.physics.arrays import Array, cast
 from iout_marl.scenario import Scenario
@@ -48,8 +49,11 @@ class World:
         library: array library, such as `numpy` (default) or `torch`.
         dtype: floating type, `float64` or `float32`.
         device: device of the library, or None for its default.
+        measured: what episodes are judged by; None for all metrics that are registered now.
 
     Attributes:
+        measured: the metrics that `metrics` computes, and those that rewards are needed for.
+        summed: those of them that each slot adds to, in the order of `State.sums`.
         num_envs, num_auvs, num_nodes, num_slots: sizes of the batch, of the fleet, of the
             network, of an episode.
         action_sizes: number of choices of each entry of an AUV's action: (directions, K, K)
@@ -67,6 +71,7 @@ class World:
         library: Any = np,
         dtype: str = "float64",
         device: Any = None,
+        measured: Sequence[Metric] | None = None,
     ) -> None:
         if not isinstance(scenario, Scenario):
             raise InputError("scenario must be a Scenario: `load_scenario` makes one of a name")
@@ -79,6 +84,8 @@ class World:
         self.num_auvs = scenario.num_auvs
         self.num_nodes = scenario.num_nodes
         self.num_slots = scenario.num_slots
+        self.measured = registered() if measured is None else tuple(measured)
+        self.summed = tuple(metric for metric in self.measured if metric.kind == "slot")
         self.backend = backend = Backend.of(library, dtype, device)
         self.grid = Grid(scenario.grid.cells)
         self.link = Link(scenario, self.grid, backend)
@@ -142,6 +149,7 @@ class World:
             spent_j=backend.zeros(envs),
             **self.view.first(self.num_envs),
             **self.credit.first(self.num_envs),
+            sums=backend.zeros((self.num_envs, len(self.summed))),
         )
 
     def step(self, state: State, action: Array) -> tuple[State, Events]:
@@ -207,6 +215,7 @@ class World:
             capped_ages=state.capped_ages + cut_short,
             harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
             spent_j=state.spent_j + _over_auvs(xp, spent_j),
+            sums=state.sums,
             **self.view.after(state, cell, age, energy_j, heard_place, delivered),
             **self.credit.after(state, heard_place, delivered),
         )
@@ -221,6 +230,9 @@ class World:
             delivered=delivered,
             spent_j=spent_j,
         )
+        if self.summed:
+            more = [metric.values(self, new_state, events)[:, None] for metric in self.summed]
+            new_state = new_state._replace(sums=state.sums + xp.concat(more, axis=1))
         return new_state, events
 
     def checked_step(self, state: State, action: Any) -> tuple[State, Events]:
@@ -282,28 +294,38 @@ class World:
         return state, self.reward(state, events), self.observe(state)
 
     def metrics(self, state: State) -> dict[str, Array]:
-        """What an episode is judged by, up to `state`: (envs,) each.
+        """What an episode is judged by, up to `state`, by name: (envs,) each.
 
-        `mean_aoi` averages over nodes and over the slots that are over; `final_aoi` is
-        the mean over nodes now, `peak_aoi` the highest age of any node in any slot;
-        `uplink_success` the share of AUVs' slots that delivered a packet;
-        `age_violations` counts node-slots in which an age would have passed A_max, and
-        `jain_violation` is 1 where J lies below J_min.
+        See `iout_marl.metrics`; all but those of rewards, which no state keeps.
+
+        Raises:
+            InputError: a user's metric is no (envs,) array of numbers.
         """
-        xp = self.backend.xp
-        slots = xp.maximum(xp.astype(state.slot, state.age.dtype), self._one)
-        below = state.jain < self.scenario.fairness.minimum_jain
+        sums = {metric.name: state.sums[:, i] for i, metric in enumerate(self.summed)}
         return {
-            "mean_aoi": state.age_sum / slots,
-            "final_aoi": state.mean_age,
-            "peak_aoi": state.peak_age,
-            "jain": state.jain,
-            "harvested_kj": state.harvested_j / 1000,
-            "spent_kj": state.spent_j / 1000,
-            "uplink_success": self.nodes.sum(state.deliveries) / (slots * self.num_auvs),
-            "age_violations": state.capped_ages,
-            "jain_violation": xp.astype(below, state.age.dtype),
+            metric.name: sums[metric.name] if metric.name in sums else metric.values(self, state)
+            for metric in self.measured
+            if metric.kind != "rewards"
         }
+
+    def with_sums_of(self, state: State, summed: Sequence[str]) -> State:
+        """The state of a world that sums these metrics, by name, as one of this world.
+
+        Metrics that it has not summed begin at 0.
+        """
+        names = [metric.name for metric in self.summed]
+        if names == list(summed):
+            return state
+        none = self.backend.zeros((self.num_envs,))
+        columns = [state.sums[:, summed.index(name)] if name in summed else none for name in names]
+        empty = self.backend.zeros((self.num_envs, 0))
+        xp = self.backend.xp
+        return state._replace(sums=xp.stack(columns, axis=1) if columns else empty)
+
+    def slots_over(self, state: State) -> Array:
+        """Slots of the episode that are over, at least 1, as floats: (envs,)."""
+        xp = self.backend.xp
+        return xp.maximum(xp.astype(state.slot, state.age.dtype), self._one)
 
 
 def _over_auvs(xp: Any, values: Array) -> Array:

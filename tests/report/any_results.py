@@ -4,12 +4,11 @@ import random
 
 from fake_results import episode
 
+from iout_marl.metrics import described
 from iout_marl.report.names import BASELINES, BEST, LONGER_TDD, TRAINED, in_fdd
 from iout_marl.study.fields import LARGEST, LONGEST
 from iout_marl.study.records import (
-    BOUNDS,
     CURVES,
-    NOT_NEGATIVE,
     Emissions,
     Record,
     TrainingRecord,
@@ -87,10 +86,9 @@ class _Draw:
         return [self.number(low, high) if same is None else same for _ in range(count)]
 
     def samples(self, metric, count):
-        low, high = BOUNDS.get(metric, NOT_NEGATIVE)
-        if metric.endswith("_aoi"):
-            low = 1 / LARGEST
-        return self.numbers(count, max(low, -LARGEST), min(high, LARGEST))
+        known = described(metric)
+        low = 1 / LARGEST if known.is_positive else max(known.low, -LARGEST)
+        return self.numbers(count, low, min(known.high, LARGEST))
 
     def curve(self):
         length = self.rng.randrange(6)

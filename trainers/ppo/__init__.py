@@ -152,7 +152,8 @@ class Trainer:
             what there is to log of each policy, by TensorBoard tag:
 
             - `aoi/…`, `fairness/…`, `energy/…`, `uplink/…`, `constraints/…`: metrics of
-              the episodes that ended in the rollout, as in `World.metrics`;
+              the episodes that ended in the rollout, see `iout_marl.metrics`; `metrics/…`:
+              those of users;
             - `reward/…`: mean of each term of the reward a slot, and their `total`;
             - `ppo/loss`, and its terms `ppo/policy_loss`, `ppo/value_loss`, `ppo/entropy`;
               `ppo/kl`: mean Kullback-Leibler divergence from the policy of the rollout,
