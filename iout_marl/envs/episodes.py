@@ -109,11 +109,13 @@ class Episodes:
             self._play = self._play_from(self.world.with_sums_of(before, summed), events)
 
     def _play_from(self, state: State, events: Events | None = None) -> Play:
-        if self._num_envs > 1 or not pays_unrolled(self.scenario):
+        slot = None
+        if self._num_envs == 1 and pays_unrolled(self.scenario):
+            slot = unrolled_slot(
+                self.scenario, with_mask=self.mask_place != "none", summed=self.world.summed
+            )
+        if slot is None:
             return BatchedPlay(self.world, state, events)
-        slot = unrolled_slot(
-            self.scenario, with_mask=self.mask_place != "none", summed=self.world.summed
-        )
         return UnrolledPlay(slot, self.world, state, events)
 
     def reset(

@@ -24,6 +24,7 @@ from iout_marl.parts.beta_rule import BetaRule, beta_rules
 from iout_marl.parts.channel import Channel, channels
 from iout_marl.parts.duplex import Duplex, duplexes
 from iout_marl.parts.motion import Motion, motions
+from iout_marl.parts.observation import Entry, entries
 from iout_marl.parts.placement import Placement, placements
 from iout_marl.parts.reward import Reward, rewards
 from iout_marl.scenario.fields import Count, Decibels, Fraction, NonNegative, Plausible, Positive
@@ -38,6 +39,7 @@ __all__ = [
     "Count",
     "Decibels",
     "Duplex",
+    "Entry",
     "Fraction",
     "Motion",
     "NonNegative",
@@ -56,6 +58,7 @@ __all__ = [
     "beta_rules",
     "channels",
     "duplexes",
+    "entries",
     "motions",
     "placements",
     "rewards",

@@ -10,6 +10,8 @@ from iout_marl.arrays.nodes import NodeAxis
 from iout_marl.core.credit import Credit
 from iout_marl.core.grid import Grid
 from iout_marl.core.link import Link
+from iout_marl.core.representation import Representation
+from iout_marl.core.view import View
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.parts import Settings as PartSettings
 
@@ -26,6 +28,8 @@ class Context:
         link: tables of the links between cells.
         nodes: gathers from, scatters to and sums over the axis of nodes.
         credit: whom the network's reward is credited to.
+        view: what AUVs know of nodes that they do not see.
+        representation: how observations write positions, ages, energies.
     """
 
     scenario: Scenario
@@ -35,6 +39,8 @@ class Context:
     link: Link
     nodes: NodeAxis
     credit: Credit
+    view: View
+    representation: Representation
 
 
 def at_work(settings: Any, world: Context) -> Any:

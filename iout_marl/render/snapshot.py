@@ -67,7 +67,7 @@ class Snapshot:
             ages=np.array(state.age[env], dtype=np.float64),
             maximum_age=float(world.scenario.age.maximum),
             energies_j=np.array(state.energy_j[env], dtype=np.float64),
-            price_j=float(world.observer.price_j),
+            price_j=float(world.representation.price_j),
             mean_age=float(state.mean_age[env]),
             jain=float(state.jain[env]),
             total_harvested_j=float(state.harvested_j[env]),

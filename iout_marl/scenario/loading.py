@@ -120,8 +120,11 @@ def to_yaml(scenario: Scenario) -> str:
     )
     stream = io.StringIO()
     data = scenario.model_dump(mode="json")
+    # What came later is shown only where it says something.
     if not scenario.allow_implausible:
         del data["allow_implausible"]
+    if not scenario.observation.entries:
+        del data["observation"]["entries"]
     yaml.dump(_styled(data), stream)
     return stream.getvalue()
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from pydantic import BaseModel, GetCoreSchemaHandler, create_model
+from pydantic import GetCoreSchemaHandler, create_model
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
@@ -126,12 +126,3 @@ def part_models() -> tuple[type[Settings], ...]:
 
 def _is_part(item: Any) -> bool:
     return isinstance(getattr(item, "Settings", None), type)
-
-
-def sections_in(section: BaseModel) -> list[tuple[str, BaseModel]]:
-    """The sections within a section, by name."""
-    return [
-        (name, value)
-        for name in type(section).model_fields
-        if isinstance(value := getattr(section, name), BaseModel)
-    ]

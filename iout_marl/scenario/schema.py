@@ -18,7 +18,7 @@ from iout_marl.scenario.fields import (
     invalid,
 )
 from iout_marl.scenario.keys import all_keys, forget_keys, implausible, key_of, ranges_of
-from iout_marl.scenario.parts import PartOf, Settings, part_models, sections_in
+from iout_marl.scenario.parts import PartOf, Settings, part_models, settings_of
 from iout_marl.scenario.places import shorten
 from iout_marl.scenario.sections import (
     Age,
@@ -57,10 +57,10 @@ class Scenario(Section):
     harvester: Harvester
     uplink: Uplink
     duplex: Annotated[Settings, PartOf("duplex")]
-    age: Age = Age()
-    fairness: Fairness = Fairness()
+    age: Age = Field(default_factory=Age)
+    fairness: Fairness = Field(default_factory=Fairness)
     reward: Annotated[Settings, PartOf("reward")]
-    observation: Observation = Observation()
+    observation: Observation = Field(default_factory=Observation)
     training: Training
 
     @field_validator("allow_implausible")
@@ -229,6 +229,26 @@ class Scenario(Section):
         return weights or (1.0,) * self.num_nodes
 
     @property
+    def seen(self) -> tuple[Settings, ...]:
+        """The entries of an AUV's observation, in their order."""
+        seen = self.observation
+        own = {
+            "position": True,
+            "ages": True,
+            "energies": True,
+            "node_positions": seen.node_positions,
+            "time": seen.time,
+            "other_auvs": seen.other_auvs and self.num_auvs > 1,
+            "unseen_for": seen.view_range_m is not None,
+            "agent_index": seen.agent_index,
+        }
+        kinds = [kind for kind, is_in in own.items() if is_in]
+        return (
+            *(settings_of("observation entry", {"kind": kind}) for kind in kinds),
+            *seen.entries,
+        )
+
+    @property
     def hash(self) -> str:
         """12 hexadecimal digits that change with whatever changes a result."""
         return self._digest(*(() if self.allow_implausible else ("allow_implausible",)))
@@ -250,9 +270,12 @@ def _hashed(section: BaseModel, data: Any) -> Any:
     """What of a section's data is in the hash: all but keys that mean as before they came."""
     version = section.entry.version if isinstance(section, Settings) else None
     if isinstance(data, dict):
-        for name, inner in sections_in(section):
-            if name in data:
+        for name in data.keys() & type(section).model_fields.keys():
+            inner = getattr(section, name)
+            if isinstance(inner, BaseModel):
                 data[name] = _hashed(inner, data[name])
+            elif isinstance(inner, tuple) and inner and isinstance(inner[0], BaseModel):
+                data[name] = [_hashed(*pair) for pair in zip(inner, data[name], strict=True)]
         defaults = section.hash_defaults if isinstance(section, Section) else {}
         data = {
             key: value

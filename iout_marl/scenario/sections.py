@@ -114,7 +114,7 @@ class Observation(Section):
     """What an AUV sees: its position, the ages and the stored energies of the nodes.
 
     `paper` in cells, slots and joules; `scaled` the same in [0, 1], energies by
-    e/(e + price), where the price is that of an uplink over half the grid.
+    e/(e + reference), where the reference is the energy of an uplink over half the grid.
     """
 
     kind: Literal["paper", "scaled"] = "paper"
@@ -130,11 +130,22 @@ class Observation(Section):
     #: are what they were when it last was near or delivered to this AUV, and how many slots
     #: ago that was is appended. null: everything is known to all.
     view_range_m: Annotated[Positive, Plausible(0, 1e7, "m")] | None = None
+    #: Entries of one's own, appended after all others.
+    entries: Annotated[
+        tuple[Annotated[Settings, PartOf("observation entry", is_word=True)], ...],
+        Field(strict=False, max_length=100),
+    ] = ()
     #: Where the mask of sensible actions is handed out, if at all.
     action_mask: Literal["none", "info", "observation"] = "none"
 
     hash_defaults: ClassVar[dict[str, Any]] = {
         "agent_index": False,
+        "entries": [],
         "other_auvs": True,
         "view_range_m": None,
     }
+
+    @property
+    def is_scaled(self) -> bool:
+        """Whether all is written in [0, 1]."""
+        return self.kind == "scaled"

@@ -339,7 +339,19 @@ class SymbolLibrary:
         vars(self).update({name: _either(own, name) for name, own in functions.items()})
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(np, name)
+        found = getattr(np, name)
+        return _of_known(found, name) if callable(found) and not isinstance(found, type) else found
+
+
+def _of_known(function: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """NumPy's function, of numbers that are known alone."""
+
+    def of_known(*args: Any, **kwargs: Any) -> Any:
+        if any(isinstance(each, SymbolArray) for each in (*args, *kwargs.values())):
+            raise UnknownOperationError(f"`{name}`")
+        return function(*args, **kwargs)
+
+    return of_known
 
 
 def _either(for_symbols: Callable[..., Any], name: str) -> Callable[..., Any]:

@@ -12,7 +12,10 @@ from __future__ import annotations
 import functools
 import itertools
 import math
+import traceback
+import warnings
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -23,9 +26,10 @@ from iout_marl.core.limits import unheard
 from iout_marl.core.state import Events, State
 from iout_marl.metrics import Metric
 from iout_marl.physics.arrays import Array
+from iout_marl.registry import on_change
 from iout_marl.scenario import Scenario
 from iout_marl.tracing.program import Program
-from iout_marl.tracing.symbols import LIBRARY, SymbolArray, objects
+from iout_marl.tracing.symbols import LIBRARY, SymbolArray, UnknownOperationError, objects
 from iout_marl.world.world import World
 
 #: Plain numbers, in the order in which they lie in one array or in several, one after the other.
@@ -49,9 +53,37 @@ def pays_unrolled(scenario: Scenario) -> bool:
 @functools.lru_cache(maxsize=16)
 def unrolled_slot(
     scenario: Scenario, *, with_mask: bool = False, summed: tuple[Metric, ...] = ()
-) -> UnrolledSlot:
-    """The `UnrolledSlot` of a scenario, made once."""
-    return UnrolledSlot(scenario, with_mask=with_mask, summed=summed)
+) -> UnrolledSlot | None:
+    """The `UnrolledSlot` of a scenario, made once.
+
+    None, and a warning that names the operation, where a part or a metric from outside does
+    something that cannot be written down for symbols.
+    """
+    try:
+        return UnrolledSlot(scenario, with_mask=with_mask, summed=summed)
+    except Exception as error:  # whatever somebody's code says to symbols: arrays will do
+        warnings.warn(
+            f"{scenario.name}: a single environment plays on arrays, which takes about four times "
+            f"as long: {_reason(error)}",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return None
+
+
+# Of a name another part may be registered.
+on_change.append(unrolled_slot.cache_clear)
+
+
+def _reason(error: Exception) -> str:
+    """What cannot be written down, and where."""
+    frames = traceback.extract_tb(error.__traceback__)
+    folder = str(Path(__file__).parent)
+    outside = [frame for frame in frames if not frame.filename.startswith((folder, "<"))]
+    where = f"{outside[-1].filename}:{outside[-1].lineno}: " if outside else ""
+    if isinstance(error, UnknownOperationError):
+        return f"{where}no straight-line form of {error}"
+    return f"{where}{type(error).__name__}: {error}"
 
 
 class UnrolledSlot:

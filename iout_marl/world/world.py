@@ -15,6 +15,7 @@ from iout_marl.core.credit import Credit
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import MOST_ENVS, check_scenario
 from iout_marl.core.link import Link
+from iout_marl.core.representation import Representation
 from iout_marl.core.state import Events, State
 from iout_marl.core.view import View
 from iout_marl.errors import InputError
@@ -95,13 +96,22 @@ class World:
         self.nodes = NodeAxis(num_envs, self.num_auvs, self.num_nodes, backend)
         self.view = View(scenario, self.link, self.nodes, backend)
         self.credit = Credit(scenario, self.nodes, backend)
+        self.representation = Representation(scenario, self.grid, self.link, backend)
         context = Context(
-            scenario, num_envs, backend, self.grid, self.link, self.nodes, self.credit
+            scenario,
+            num_envs,
+            backend,
+            self.grid,
+            self.link,
+            self.nodes,
+            self.credit,
+            self.view,
+            self.representation,
         )
         self.duplex: Duplex = at_work(scenario.duplex, context)
         self.access: Access = at_work(scenario.channel.access, context)
         self.reward_part: Reward = at_work(scenario.reward, context)
-        self.observer = Observer(scenario, self.grid, self.link, backend)
+        self.observer = Observer(scenario, context)
         self.action_mask = ActionMask(scenario, self.link, self.motion, self.view, backend)
         self.action_sizes = (
             self.motion.num_directions,
@@ -269,6 +279,8 @@ class World:
         total, *others = self.reward_terms(state, events).values()
         for term in others:
             total = total + term
+        if total.shape[1] != self.num_auvs:  # all terms are for all AUVs alike
+            total = self.backend.xp.broadcast_to(total, (total.shape[0], self.num_auvs))
         return total
 
     def observe(self, state: State) -> Array:

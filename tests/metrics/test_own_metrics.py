@@ -14,8 +14,8 @@ from iout_marl import World, evaluate, iout_v0, metrics
 from iout_marl.envs import AUVVectorEnv
 from iout_marl.evaluation import METRICS, play
 from iout_marl.policies import make_baseline
-from iout_marl.world import node_codes
 from iout_marl.tracing.unrolled import pays_unrolled
+from iout_marl.world import node_codes
 
 
 def by_hand(world, state, events):

@@ -1,0 +1,61 @@
+"""Where the other AUVs are."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.core.grid import Grid
+from iout_marl.core.representation import Ranges
+from iout_marl.core.state import State
+from iout_marl.parts.base import Context
+from iout_marl.parts.observation.base import Entry, entries
+from iout_marl.physics.arrays import Array, lookup
+
+
+@entries.register("other_auvs")
+class OtherAuvs(Entry):
+    """Steps to each other AUV, from the nearest to the farthest.
+
+    So what an AUV sees does not depend on how they are numbered.
+    """
+
+    unit = "cells"
+
+    def setup(self, world: Context) -> None:
+        super().setup(world)
+        self._nearness = world.backend.integers(_nearness(world.grid))
+
+    @property
+    def size(self) -> int:
+        return 3 * (self.world.scenario.num_auvs - 1)
+
+    def ranges(self) -> Ranges:
+        one = self.world.representation.step_ranges()
+        return Ranges.joined([one] * (self.world.scenario.num_auvs - 1))
+
+    def __call__(self, state: State) -> Array:
+        xp, link, cell = self.xp, self.world.link, state.cell
+        representation, (num_envs, num_auvs) = self.world.representation, cell.shape
+        order = xp.argsort(
+            link.at(self._nearness, link.offset(cell[:, None, :], cell[:, :, None])),
+            axis=-1,
+        )[..., 1:]
+        # Of AUVs in one cell any may come first: they look alike.
+        first = xp.arange(0, num_envs * num_auvs, num_auvs, device=cell.device)
+        others = lookup(xp, cell, first[:, None, None] + order)
+        steps = (
+            representation.positions(others, scaled=False)
+            - representation.positions(cell, scaled=False)[:, :, None, :]
+        )
+        return xp.reshape(representation.steps(steps), (num_envs, num_auvs, -1))
+
+
+def _nearness(grid: Grid) -> npt.NDArray[np.int64]:
+    """By code difference + origin: its rank among all, the shortest first, 0 for none."""
+    order = np.argsort(grid.offset_distances(), kind="stable")
+    # Differences that no two cells have are 0 long as well; the origin comes before them.
+    order = np.concatenate([[grid.offset_origin], order[order != grid.offset_origin]])
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return rank
