@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from iout_marl.evaluation import play
+from iout_marl.evaluation import as_policy, play
 from iout_marl.policies import Policy
-from iout_marl.scenario import Scenario, Tdd
+from iout_marl.scenario import AnyScenario, Overrides, Tdd, load_scenario
 from iout_marl.world import World, pin_layout
 
 
@@ -42,8 +43,22 @@ class Episode:
         return asdict(self)
 
 
-def record_episode(scenario: Scenario, policy: Policy, seed: int = 0) -> Episode:
-    """Play one episode, the first of those of `evaluate`, and keep it all."""
+def record_episode(
+    scenario: AnyScenario,
+    policy: str | Policy | Callable[[Any], Any],
+    seed: int = 0,
+    *,
+    overrides: Overrides = None,
+) -> Episode:
+    """Play one episode, the first of those of `evaluate`, and keep it all.
+
+    Args:
+        scenario, policy, seed, overrides: as for `evaluate`.
+
+    Raises:
+        InputError, TypeError: as `evaluate` does.
+    """
+    scenario, policy = load_scenario(scenario, overrides), as_policy(policy)
     world = World(pin_layout(scenario, seed), 1)
     cells = world.grid.coordinate_table() + 1
     is_tdd = isinstance(scenario.duplex, Tdd)

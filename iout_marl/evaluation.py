@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,9 @@ from iout_marl.policies import (
     is_deterministic,
     make_baseline,
 )
-from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario import AnyScenario, Overrides, load_scenario
 from iout_marl.whole import MAX_SEED, short, whole_argument
-from iout_marl.world import Events, State, World, has_chance, node_codes, pin_layout
+from iout_marl.world import Events, State, World, has_chance, pin_layout
 from iout_marl.world.actions import ActionCheck
 
 #: More would say no more, and not fit into memory.
@@ -143,10 +143,12 @@ class Evaluation:
 
 
 def evaluate(
-    scenario: str | Path | Mapping[str, Any] | Scenario,
+    scenario: AnyScenario,
     policy: str | Policy | Callable[[Any], Any],
     episodes: int = 100,
     seed: int = 0,
+    *,
+    overrides: Overrides = None,
 ) -> Evaluation:
     """Run a policy over whole episodes.
 
@@ -158,6 +160,7 @@ def evaluate(
             `is_deterministic`) nor the world leaves anything to chance, one is played.
         seed: episode i has the seed `seed + i`: that of the layout, where it is random, is
             that of an environment reset with it; and of what the policy leaves to chance.
+        overrides: changes of the scenario, as for `load_scenario`.
 
     Raises:
         InputError: no such scenario or baseline, episodes or a seed out of range, a policy
@@ -167,8 +170,8 @@ def evaluate(
     """
     episodes = whole_argument("episodes", episodes, 1, MAX_EPISODES)
     seed = whole_argument("seed", seed, 0, MAX_SEED)
-    scenario = pin_layout(load_scenario(scenario), seed)
-    player = _as_policy(policy)
+    scenario = pin_layout(load_scenario(scenario, overrides), seed)
+    player = as_policy(policy)
     deterministic = is_deterministic(player) and not has_chance(scenario)
     world = World(scenario, 1 if deterministic else episodes)
     total_reward = np.zeros((world.num_envs, world.num_auvs))
@@ -210,8 +213,7 @@ def play(world: World, policy: Policy, seed: int = 0) -> Iterator[tuple[State, E
     Raises:
         InputError: the policy's actions do not fit their space.
     """
-    layouts = [np.random.default_rng(seed + i) for i in range(world.num_envs)]
-    state = world.reset(node_codes(world.scenario, world.grid, layouts))
+    state = world.reset(seed=seed)
     rng = EpisodeStreams(seed, world.num_envs)
     check = ActionCheck(world.num_envs, world.num_auvs, world.action_sizes)
     yield state, None
@@ -233,7 +235,7 @@ def _unbounded() -> np.errstate:
     return np.errstate(over="ignore", invalid="ignore")
 
 
-def _as_policy(policy: str | Policy | Callable[[Any], Any]) -> Policy:
+def as_policy(policy: str | Policy | Callable[[Any], Any]) -> Policy:
     if isinstance(policy, str | Path) and os.path.isdir(policy):  # noqa: PTH112 (never raises)
         hint = f"trainers.RunFolder(Path({str(policy)!r})).load_policy()"
         raise InputError(f"{policy}: is a folder; the policy of a run is {hint}")

@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from iout_marl.envs.arguments import RENDER_MODES, AnyScenario, options_of, seed_of
+from iout_marl.envs.arguments import RENDER_MODES, options_of, seed_of
 from iout_marl.envs.episodes import Episodes, FloatArray
 from iout_marl.errors import InputError
+from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.world.actions import integers
 
 
@@ -24,6 +25,7 @@ class AUVEnv(gymnasium.Env[Any, Any]):
     Args:
         scenario: a bundled name, a path to a YAML file, a mapping or a `Scenario`.
         render_mode: `human`, `ansi`, `rgb_array` or None.
+        overrides: changes of the scenario, as for `load_scenario`.
 
     Raises:
         InputError: no such scenario, a fault in it, or an unknown render mode.
@@ -35,8 +37,10 @@ class AUVEnv(gymnasium.Env[Any, Any]):
         self,
         scenario: AnyScenario = "paper/k10-fdd",
         render_mode: str | None = None,
+        *,
+        overrides: Overrides = None,
     ) -> None:
-        self._episodes = Episodes(scenario, render_mode=render_mode)
+        self._episodes = Episodes(scenario, render_mode=render_mode, overrides=overrides)
         self.render_mode = render_mode
         self.scenario = self._episodes.scenario
         self.observation_space, self.action_space = joint_spaces(self._episodes)

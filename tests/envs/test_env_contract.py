@@ -199,8 +199,9 @@ def test_infos_have_the_same_numeric_keys_from_reset_on(case):
 def test_infos_of_a_reset_tell_that_nothing_has_happened():
     _, infos = iout_v0.parallel_env(scenario("tdd", 3)).reset(seed=0)
     for info in infos.values():
-        assert info["mean_aoi"] == info["time_mean_aoi"] == 1
-        others = set(INFO_KEYS) - {"mean_aoi", "time_mean_aoi"}
+        ages = {"aoi_now", "mean_aoi", "time_mean_aoi"}
+        assert {name: info[name] for name in ages} == dict.fromkeys(ages, 1)
+        others = set(INFO_KEYS) - ages
         assert {name: info[name] for name in others} == dict.fromkeys(others, 0)
 
 
@@ -217,7 +218,7 @@ def test_infos_follow_from_the_observations(duplex, auvs):
         total_j += sum(info["harvested_j"] for info in infos.values())
         deliveries += sum(info["delivered"] for info in infos.values())
         for info in infos.values():
-            assert info["mean_aoi"] == pytest.approx(mean_ages[-1])
+            assert info["aoi_now"] == info["mean_aoi"] == pytest.approx(mean_ages[-1])
             assert info["time_mean_aoi"] == pytest.approx(np.mean(mean_ages))
             assert info["peak_aoi"] == peak
             assert info["total_harvested_j"] == pytest.approx(total_j)
