@@ -8,7 +8,15 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from iout_marl.cli_options import JsonFile, Overrides, ScenarioArgument, expanded, give_out, whole
+from iout_marl.cli_options import (
+    POLICY,
+    JsonFile,
+    Overrides,
+    ScenarioArgument,
+    expanded,
+    give_out,
+    whole,
+)
 from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
 from iout_marl.evaluation import Evaluation
 from iout_marl.scenario import RandomNodes, load_scenario
@@ -31,7 +39,7 @@ def bound_command(
     policy: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME|RUN",
+            metavar=POLICY,
             parser=expanded,
             help="A policy to compare with the bound, beside tour and planner; may be repeated.",
         ),

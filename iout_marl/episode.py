@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from iout_marl.evaluation import as_policy, play
-from iout_marl.policies import Policy
+from iout_marl.evaluation import play
+from iout_marl.policies import AnyPolicy, policy_for
 from iout_marl.scenario import AnyScenario, Overrides, Tdd, load_scenario
-from iout_marl.world import World, pin_layout
+from iout_marl.world import World
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ class Episode:
 
 def record_episode(
     scenario: AnyScenario,
-    policy: str | Policy | Callable[[Any], Any],
+    policy: AnyPolicy,
     seed: int = 0,
     *,
     overrides: Overrides = None,
@@ -58,12 +57,12 @@ def record_episode(
     Raises:
         InputError, TypeError: as `evaluate` does.
     """
-    scenario, policy = load_scenario(scenario, overrides), as_policy(policy)
-    world = World(pin_layout(scenario, seed), 1)
+    scenario, player = policy_for(load_scenario(scenario, overrides), policy, seed)
+    world = World(scenario)
     cells = world.grid.coordinate_table() + 1
     is_tdd = isinstance(scenario.duplex, Tdd)
     path, charged, heard, delivered, ages, nodes = [], [], [], [], [], []
-    for state, events in play(world, policy, seed):
+    for state, events in play(world, player, seed):
         path.append(cells[state.cell[0]].tolist())
         if events is None:
             nodes = cells[state.node_cell[0]].tolist()

@@ -64,6 +64,7 @@ class Episodes:
         world: the world.
         observation_space, action_space: of one AUV.
         state_space: of the vector for central critics.
+        seeds: those by which all environments were last reset together; None for entropy.
 
     Raises:
         InputError: no such scenario, a fault in it, or an argument out of its range.
@@ -97,6 +98,7 @@ class Episodes:
             if self.mask_place == "observation"
             else self.vector_space
         )
+        self.seeds: tuple[int | None, ...] = (None,) * self._num_envs
         self._rngs: list[np.random.Generator] = []
         self._layout: npt.NDArray[np.int64] | None = None
         #: Whether some were restarted without the others.
@@ -142,6 +144,8 @@ class Episodes:
         if not self._rngs:
             self._rngs = [np.random.default_rng() for _ in seeds]
         reseeded = [i for i, seed in enumerate(seeds) if seed is not None]
+        if reseeded:
+            self.seeds = tuple(seeds)
         for i in reseeded:
             self._rngs[i] = np.random.default_rng(seeds[i])
         if self._layout is None or redraws_every_episode(self.scenario):

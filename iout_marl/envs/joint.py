@@ -45,6 +45,11 @@ class AUVEnv(gymnasium.Env[Any, Any]):
         self.scenario = self._episodes.scenario
         self.observation_space, self.action_space = joint_spaces(self._episodes)
 
+    @property
+    def episodes(self) -> Episodes:
+        """What the environment plays: its world, and the state that it is in."""
+        return self._episodes
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:

@@ -65,6 +65,11 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         }
         self.state_space = self._episodes.state_space
 
+    @property
+    def episodes(self) -> Episodes:
+        """What the environment plays: its world, and the state that it is in."""
+        return self._episodes
+
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """The observations of an agent: a Box, or a Dict with the mask beside it."""
         return self.observation_spaces[self._known(agent)]

@@ -77,6 +77,11 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
+    @property
+    def episodes(self) -> Episodes:
+        """What the environment plays: its world, and the state that it is in."""
+        return self._episodes
+
     def reset(
         self,
         *,

@@ -390,7 +390,9 @@ class Trainer:
         world = self.simulation.world
         network = make_network(world.observer, world.action_sizes, self.settings).to(self.device)
         network.load_state_dict(self.weights(policy))
-        return TrainedPolicy(network, name, use_mask=self.settings.mask_actions)
+        return TrainedPolicy(
+            network, name, use_mask=self.settings.mask_actions, num_auvs=world.num_auvs
+        )
 
     def weights(self, policy: int = 0) -> dict[str, Tensor]:
         """The `state_dict` of one policy's networks."""
