@@ -98,10 +98,10 @@ class TrainedPolicy(BasePolicy):
             if len(question.rows) == world.num_envs * world.num_auvs:
                 leading = (world.num_envs, world.num_auvs)
             rng = rng or asked_in(episodes).streams
-        rows = question.rows.reshape(*leading, -1)
-        masks = masks if masks is None else masks.reshape(*leading, -1)
+        rows = question.rows.reshape(*leading, sizes.observation)
+        masks = masks if masks is None else masks.reshape(*leading, sum(sizes.action))
         actions = self._choose(rows, masks, rng or np.random.default_rng())
-        return question.answer(actions.reshape(len(question.rows), -1))
+        return question.answer(actions.reshape(-1, len(sizes.action)))
 
     @torch.no_grad()
     def _choose(

@@ -128,7 +128,8 @@ def _of_vectors(observation: Any, mask: Any, sizes: Sizes, who: str) -> Question
 
 
 def _vector(observation: Any) -> Any:
-    return observation["observation"] if isinstance(observation, Mapping) else observation
+    is_masked = isinstance(observation, Mapping) and "observation" in observation
+    return observation["observation"] if is_masked else observation
 
 
 def _no_rows(entries: int) -> npt.NDArray[np.float32]:
