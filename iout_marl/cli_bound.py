@@ -73,9 +73,7 @@ def bound_command(
     if seed is not None:
         loaded = pin_layout(loaded, seed)
     episodes = RANDOM_EPISODES if isinstance(loaded.nodes, RandomNodes) else 1
-    played = {
-        name: evaluate_named(loaded, name, episodes, seed or 0, transfer=False) for name in names
-    }
+    played = evaluate_named(loaded, names, episodes, seed or 0, transfer=False)
     reached = {name: found.metrics["mean_aoi"].mean for name, found in played.items()}
     found = bound(loaded, min(reached.values()), seconds)
     record = found.to_json() | {

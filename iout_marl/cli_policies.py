@@ -22,20 +22,24 @@ def with_layout_of_runs(scenario: Scenario, names: list[str], *, transfer: bool)
 
 
 def evaluate_named(
-    scenario: Scenario, policy: str, episodes: int, seed: int, *, transfer: bool
-) -> Evaluation:
-    """Run a policy over seeded episodes.
+    scenario: Scenario, names: list[str], episodes: int, seed: int, *, transfer: bool
+) -> dict[str, Evaluation]:
+    """Run policies over seeded episodes, by their names.
 
     Args:
         scenario, episodes, seed: as for `evaluate`.
-        policy: what `load_policy` takes.
+        names: what `load_policy` takes.
         transfer: as for `trainers.loading.load_run`.
 
     Raises:
-        InputError: there is no such policy, or the run does not fit the scenario.
+        InputError: there is no such policy, or a run does not fit the scenario.
     """
-    own, player = _named(scenario, policy, seed, "--policy", transfer=transfer)
-    return evaluate(own, player, episodes, seed)
+    # All are looked up before the first is played, which may take its time.
+    found = [_named(scenario, name, seed, "--policy", transfer=transfer) for name in names]
+    return {
+        name: evaluate(own, player, episodes, seed)
+        for name, (own, player) in zip(names, found, strict=True)
+    }
 
 
 def evaluate_all(
