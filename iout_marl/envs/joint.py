@@ -14,6 +14,7 @@ from iout_marl.envs.episodes import Episodes, FloatArray
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.world.actions import integers
+from iout_marl.world.observation import Ranges
 
 
 class AUVEnv(gymnasium.Env[Any, Any]):
@@ -44,6 +45,8 @@ class AUVEnv(gymnasium.Env[Any, Any]):
         self.render_mode = render_mode
         self.scenario = self._episodes.scenario
         self.observation_space, self.action_space = joint_spaces(self._episodes)
+        #: What brings the entries of an observation to the order of one, see `Ranges`.
+        self.observation_ranges = joint_ranges(self._episodes)
 
     @property
     def episodes(self) -> Episodes:
@@ -98,6 +101,13 @@ def joint_spaces(episodes: Episodes) -> tuple[spaces.Space[Any], spaces.MultiDis
         return joint, actions
     masks = spaces.MultiBinary(int(episodes.mask_space.shape[0]) * m)
     return spaces.Dict({"observation": joint, "action_mask": masks}), actions
+
+
+def joint_ranges(episodes: Episodes) -> Ranges:
+    """Those of the observations of all AUVs, joined end to end."""
+    own, m = episodes.world.observer.agent_ranges, episodes.world.num_auvs
+    low, high, scale = (np.tile(each, m) for each in (own.low, own.high, own.scale))
+    return Ranges(low, high, scale, own.limit)
 
 
 def split_actions(episodes: Episodes, actions: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -64,6 +64,8 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
             a: copy.deepcopy(self._episodes.action_space) for a in self.possible_agents
         }
         self.state_space = self._episodes.state_space
+        #: Of one AUV's observation: what brings its entries to the order of one, see `Ranges`.
+        self.observation_ranges = self._episodes.world.observer.agent_ranges
 
     @property
     def episodes(self) -> Episodes:

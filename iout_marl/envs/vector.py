@@ -18,7 +18,13 @@ from iout_marl.envs.arguments import (
     seeds_of,
 )
 from iout_marl.envs.episodes import Episodes
-from iout_marl.envs.joint import joint_info, joint_observations, joint_spaces, split_actions
+from iout_marl.envs.joint import (
+    joint_info,
+    joint_observations,
+    joint_ranges,
+    joint_spaces,
+    split_actions,
+)
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.world.actions import integers
@@ -74,6 +80,8 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
         self.render_mode = render_mode
         self.scenario = self._episodes.scenario
         self.single_observation_space, self.single_action_space = joint_spaces(self._episodes)
+        #: Of one environment: what brings the entries of an observation to the order of one.
+        self.observation_ranges = joint_ranges(self._episodes)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 

@@ -74,6 +74,13 @@ def test_mappo_of_torchrls_parts_learns(example):
     )
 
 
+def test_scaling_by_the_space_erases_energies_and_by_the_ranges_does_not(capsys):
+    spread = load_example("scaling.py").main("paper/k3-fdd")
+    assert spread["space"] < 0.01
+    assert 0.1 < spread["ranges"] < 10
+    assert "energies" in capsys.readouterr().out
+
+
 def test_policy_of_ones_own(iout):
     """Evaluated in Python, played by hand, and named on the command line."""
     path = EXAMPLES / "extending" / "policy.py"
