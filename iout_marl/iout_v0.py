@@ -32,7 +32,9 @@ different AUVs share the band is said by `channel.access`.
 (K), energies stored in the nodes in J (K), and with several AUVs the steps in cells to
 each other one, the nearest first. The scenario may scale them, append the nodes' positions,
 the time or the AUV's index, leave the others out, limit how far an AUV knows ages and
-energies (`observation.view_range_m`), and add a mask of sensible actions.
+energies (`observation.view_range_m`), and add a mask of sensible actions. The bounds of the
+space lie far above usual energies: to normalise, take `observation.kind: scaled` or
+`observation_ranges`, not the space (see `docs/python.md`).
 
 **Rewards**: the scenario's, by default the paper's: minus the mean age times the
 discrimination index 1 − J, minus penalties for leaving the grid, for failed uplinks, and
