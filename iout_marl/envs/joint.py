@@ -142,10 +142,15 @@ def joint_info(episodes: Episodes) -> dict[str, npt.NDArray[Any]]:
     info = episodes.info()
     combined: dict[str, npt.NDArray[Any]] = {
         # A copy: whoever writes into an info must not write into the state.
-        name: np.array(value if value.ndim == 1 else value.sum(1), dtype=np.float64)
+        name: np.array(value if value.ndim == 1 else _joined(name, value), dtype=np.float64)
         for name, value in info.items()
     }
-    combined["beta"] = info["beta"].mean(1)
     if episodes.mask_place == "info":
         combined["action_mask"] = episodes.masks().reshape(episodes.world.num_envs, -1)
     return combined
+
+
+def _joined(name: str, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Values of each AUV, (envs, auvs), taken together, (envs,)."""
+    joined: npt.NDArray[Any] = values.mean(1) if name == "beta" else values.sum(1)
+    return joined
