@@ -1,31 +1,64 @@
 """AUVs that charge underwater sensor nodes by sound and collect their data.
 
-The environment's page is `iout_marl.iout_v0`.
+The environment's page is `iout_marl.iout_v0`; what there is in Python, `docs/python.md`.
 """
 
 # isort: off
 from iout_marl import startup  # noqa: F401 (before all that takes its time)
 # isort: on
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from iout_marl import iout_v0
 from iout_marl.envs.registration import register_gymnasium, register_pettingzoo
+from iout_marl.episode import Episode, record_episode
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
+from iout_marl.policies import Policy, load_policy, make_baseline
 from iout_marl.scenario import Scenario, bundled_names, load_scenario
 from iout_marl.world import World
+
+if TYPE_CHECKING:
+    from iout_marl.bounds.bound import bound
+    from trainers.ppo import Trainer
+    from trainers.train import train
 
 __version__ = "0.1.0"
 
 register_gymnasium()
 register_pettingzoo()
 
+#: What is imported when it is first asked for: the trainer takes torch along.
+_LATER = {"Trainer": "trainers", "bound": "iout_marl.bounds", "train": "trainers"}
+
 __all__ = [
+    "Episode",
     "Evaluation",
     "InputError",
+    "Policy",
     "Scenario",
+    "Trainer",
     "World",
+    "bound",
     "bundled_names",
     "evaluate",
     "iout_v0",
+    "load_policy",
     "load_scenario",
+    "make_baseline",
+    "record_episode",
+    "train",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = getattr(importlib.import_module(_LATER[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LATER})

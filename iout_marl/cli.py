@@ -20,6 +20,7 @@ from iout_marl import __version__, startup
 from iout_marl.cli_bound import bound_command
 from iout_marl.cli_errors import reason_of
 from iout_marl.cli_options import (
+    POLICY,
     JsonFile,
     Overrides,
     ScenarioArgument,
@@ -255,11 +256,11 @@ def evaluate_command(
     policy: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME|RUN",
+            metavar=POLICY,
             parser=expanded,
-            help=f"{', '.join(UNTRAINED)}, or the folder of a run; may be repeated. The last "
-            "two plan every layout anew, which takes a moment for each "
-            f"[default: {', '.join(BASELINES)}].",
+            help=f"{', '.join(UNTRAINED)} (the last two plan every layout anew, which takes a "
+            "moment for each); the folder of a run; or a policy of your own, by MODULE:NAME or "
+            f"FILE.py:NAME. May be repeated [default: {', '.join(BASELINES)}].",
         ),
     ] = None,
     episodes: Annotated[
@@ -297,7 +298,7 @@ def evaluate_command(
     planner_start: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME|RUN",
+            metavar=POLICY,
             parser=expanded,
             help="A policy that the planner starts from: it will be no worse; may be repeated.",
         ),

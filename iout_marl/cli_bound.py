@@ -8,7 +8,15 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from iout_marl.cli_options import JsonFile, Overrides, ScenarioArgument, expanded, give_out, whole
+from iout_marl.cli_options import (
+    POLICY,
+    JsonFile,
+    Overrides,
+    ScenarioArgument,
+    expanded,
+    give_out,
+    whole,
+)
 from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
 from iout_marl.evaluation import Evaluation
 from iout_marl.scenario import load_scenario
@@ -31,7 +39,7 @@ def bound_command(
     policy: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME|RUN",
+            metavar=POLICY,
             parser=expanded,
             help="A policy to compare with the bound, beside tour and planner; may be repeated.",
         ),
@@ -65,9 +73,7 @@ def bound_command(
     if seed is not None:
         loaded = pin_layout(loaded, seed)
     episodes = 1 if loaded.nodes.part.redraws == "never" else RANDOM_EPISODES
-    played = {
-        name: evaluate_named(loaded, name, episodes, seed or 0, transfer=False) for name in names
-    }
+    played = evaluate_named(loaded, names, episodes, seed or 0, transfer=False)
     reached = {name: found.metrics["mean_aoi"].mean for name, found in played.items()}
     found = bound(loaded, min(reached.values()), seconds)
     record = found.to_json() | {

@@ -64,6 +64,8 @@ def _path(text: str, what: str) -> Path:
     return Path(expanded(text))
 
 
+#: How help calls what names a policy: whatever `load_policy` takes.
+POLICY = "NAME|RUN|MODULE:NAME"
 ScenarioArgument = Annotated[
     str,
     typer.Argument(

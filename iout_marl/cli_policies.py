@@ -1,52 +1,45 @@
-"""Policies as the command line names them: untrained ones by name, trained ones by folder."""
+"""Policies as the command line names them, who plays where, and what the planner starts from."""
 
 from __future__ import annotations
 
-import difflib
-import os
-import re
-import shlex
-from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from iout_marl.errors import InputError, did_you_mean
+from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
-from iout_marl.policies import UNTRAINED, USUAL, Budget, PlannerPolicy, Policy, make_baseline
+from iout_marl.policies import USUAL, Budget, PlannerPolicy, Policy
+from iout_marl.policies.loading import is_run, load_run, members, named_policy
 from iout_marl.scenario import Scenario
 from iout_marl.words import listed
-from iout_marl.world import pin_layout
-
-#: Runs that a message names at most.
-_NAMED_RUNS = 8
-
-if TYPE_CHECKING:
-    from trainers import RunFolder
 
 
 def with_layout_of_runs(scenario: Scenario, names: list[str], *, transfer: bool) -> Scenario:
     """The scenario; where a layout is drawn once for a run, with that of the first run named."""
     for name in names:
-        if name not in UNTRAINED and _is_folder(name) and not _members(Path(name)):
-            return _load_run(scenario, name, transfer=transfer)[1]
+        if is_run(name) and not members(Path(name)):
+            _use_one_thread()
+            return load_run(scenario, name, transfer=transfer)[1]
     return scenario
 
 
 def evaluate_named(
-    scenario: Scenario, policy: str, episodes: int, seed: int, *, transfer: bool
-) -> Evaluation:
-    """Run the policy of that name, or of the run in that folder, over seeded episodes.
+    scenario: Scenario, names: list[str], episodes: int, seed: int, *, transfer: bool
+) -> dict[str, Evaluation]:
+    """Run policies over seeded episodes, by their names.
 
     Args:
         scenario, episodes, seed: as for `evaluate`.
-        policy: a name, or a folder.
+        names: what `load_policy` takes.
         transfer: as for `trainers.loading.load_run`.
 
     Raises:
-        InputError: it is neither, or the run does not fit the scenario.
+        InputError: there is no such policy, or a run does not fit the scenario.
     """
-    own, player = _named(scenario, policy, seed, "--policy", transfer=transfer)
-    return evaluate(own, player, episodes, seed)
+    # All are looked up before the first is played, which may take its time.
+    found = [_named(scenario, name, seed, "--policy", transfer=transfer) for name in names]
+    return {
+        name: evaluate(own, player, episodes, seed)
+        for name, (own, player) in zip(names, found, strict=True)
+    }
 
 
 def evaluate_all(
@@ -60,7 +53,7 @@ def evaluate_all(
     transfer: bool,
     sampled: bool,
 ) -> tuple[list[Evaluation], str]:
-    """Run policies by their names or folders.
+    """Run policies by what `load_policy` takes.
 
     Where a layout is drawn once for a run, every run plays in its own, all else in that of the
     first run; by transfer, that is where all of them play.
@@ -78,7 +71,7 @@ def evaluate_all(
     Raises:
         InputError: one is neither, or does not fit the scenario.
     """
-    runs = [name for name in names if name not in UNTRAINED]
+    runs = [name for name in names if is_run(name)]
     if sampled and not runs:
         raise InputError("--sampled: none of the policies is a trained one, by the folder of a run")
     layout = with_layout_of_runs(scenario, [*names, *starts], transfer=transfer)
@@ -101,8 +94,8 @@ def evaluate_all(
         evaluate(own, planner if name == "planner" and planner else player, episodes, seed)
         for name, (own, player) in zip(names, players, strict=True)
     ]
-    others = [name for name in names if name in UNTRAINED]
-    first = next((name for name in [*names, *starts] if name not in UNTRAINED), "")
+    others = [name for name in names if name not in runs]
+    first = next((name for name in [*names, *starts] if is_run(name)), "")
     where = f", {listed(others)} in that of {first}" if others else ""
     return results, f"each run in its own layout{where}"
 
@@ -134,61 +127,13 @@ def _named(
     sampled: bool = False,
 ) -> tuple[Scenario, Policy]:
     """The policy that an option names, and the scenario that it plays."""
-    if policy in UNTRAINED:
-        return pin_layout(scenario, seed), make_baseline(policy)
-    if not _is_folder(policy):
-        raise InputError(f"{option} {policy or shlex.quote(policy)}: {_what_else(policy)}")
-    members = _members(Path(policy))
-    if members:
-        raise InputError(
-            f"{option} {policy}: holds no trained policy, but folders that do: "
-            + " ".join(f"{option} {shlex.quote(str(path))}" for path in members[:_NAMED_RUNS])
-            + (f" and {len(members) - _NAMED_RUNS} more" if len(members) > _NAMED_RUNS else "")
-        )
-    run, own = _load_run(scenario, policy, transfer=transfer)
-    trained = run.load_policy()
-    trained.sampled = sampled
-    return own, trained
+    if is_run(policy):
+        _use_one_thread()
+    return named_policy(scenario, policy, seed, option, transfer=transfer, sampled=sampled)
 
 
-def _what_else(name: str) -> str:
-    """What the name of no policy is, or was meant to be."""
-    if os.path.isfile(name):  # noqa: PTH113 (never raises)
-        return "is a file, not the folder of a run"
-    for place in (Path(name), Path("runs", name)):
-        # A name that is too long, or a folder that is not there, holds nothing that is near.
-        with suppress(OSError):
-            runs = [path.name for path in place.parent.iterdir() if _holds_policy(path)]
-            for near in difflib.get_close_matches(place.name, runs, 1, cutoff=0.75):
-                meant = shlex.quote(str(place.parent / near))
-                return f"neither a baseline nor the folder of a run; did you mean {meant}?"
-    return f"neither a baseline nor the folder of a run{did_you_mean(name, UNTRAINED)}"
-
-
-def _members(folder: Path) -> list[Path]:
-    """Of a folder that is no run, the runs in it: those of several policies, say."""
-    try:
-        if _holds_policy(folder):
-            return []
-        found = [path.parent for path in folder.glob("*/policy.json")]
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be read: {error.strerror}") from None
-    # By their numbers, where they have any: seed-2 before seed-10.
-    return sorted(found, key=lambda path: [int(n) for n in re.findall(r"\d{1,20}", path.name)])
-
-
-def _holds_policy(folder: Path) -> bool:
-    return (folder / "policy.json").is_file()
-
-
-def _is_folder(name: str) -> bool:
-    return os.path.isdir(name)  # noqa: PTH112 (Path raises where a name is too long)
-
-
-def _load_run(scenario: Scenario, name: str, *, transfer: bool) -> tuple[RunFolder, Scenario]:
+def _use_one_thread() -> None:
+    """More threads than one gain nothing on networks of this size."""
     import torch
 
-    from trainers.loading import load_run
-
     torch.set_num_threads(1)
-    return load_run(Path(name), scenario, transfer=transfer)

@@ -13,6 +13,7 @@ from iout_marl import machine
 from iout_marl.cli_options import Overrides, expanded, file, folder, whole
 from iout_marl.errors import InputError
 from iout_marl.files import write_atomically, write_text
+from iout_marl.policies import load_policy
 from iout_marl.signals import Stopped, StopSignals
 from iout_marl.terminal import complain, present
 
@@ -49,6 +50,15 @@ def reproduce(
         str | None,
         typer.Option(metavar="ADDRESS", help="Run on the Dask cluster of this scheduler."),
     ] = None,
+    policy: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="MODULE:NAME",
+            parser=expanded,
+            help="A policy of your own, by MODULE:NAME or FILE.py:NAME, that the study lists among "
+            "its policies; no study makes code run that is not named here. May be repeated.",
+        ),
+    ] = None,
     overrides: Overrides = None,
 ) -> None:
     """Run a study, by default the paper's, and write its report.
@@ -70,12 +80,19 @@ def reproduce(
             f"the {machine.num_cores()} cores"
         )
     loaded, layer = load_study(study)
-    cells = expand(loaded, layer, overrides or [], quick=quick)
+    outside = list(policy or [])
+    cells = expand(loaded, layer, overrides or [], outside, quick=quick)
+    for name in outside:
+        try:
+            load_policy(name)  # what is wrong with it shows before the first cell is run
+        except InputError as error:
+            raise InputError(f"--{error}") from None
     name = Path(study).stem
     usual = Path("runs") / (f"{name}-quick" if quick else name)
     folder = StudyFolder(out or usual)
     words = ["iout", "reproduce", *(["--study", study] if study != "paper" else [])]
     words += ["--quick"] if quick else []
+    words += [word for name in outside for word in ("--policy", name)]
     words += [word for setting in overrides or [] for word in ("--set", setting)]
     where = [] if scheduler is None else ["--scheduler", scheduler]
     where += [] if jobs is None else ["--jobs", str(jobs)]

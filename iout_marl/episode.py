@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from iout_marl.evaluation import play
-from iout_marl.policies import Policy
-from iout_marl.scenario import Scenario
-from iout_marl.world import World, pin_layout
+from iout_marl.policies import AnyPolicy, policy_for
+from iout_marl.scenario import AnyScenario, Overrides, load_scenario
+from iout_marl.world import World
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,27 @@ class Episode:
         return asdict(self)
 
 
-def record_episode(scenario: Scenario, policy: Policy, seed: int = 0) -> Episode:
-    """Play one episode, the first of those of `evaluate`, and keep it all."""
-    world = World(pin_layout(scenario, seed), 1)
+def record_episode(
+    scenario: AnyScenario,
+    policy: AnyPolicy,
+    seed: int = 0,
+    *,
+    overrides: Overrides = None,
+) -> Episode:
+    """Play one episode, the first of those of `evaluate`, and keep it all.
+
+    Args:
+        scenario, policy, seed, overrides: as for `evaluate`.
+
+    Raises:
+        InputError, TypeError: as `evaluate` does.
+    """
+    scenario, player = policy_for(load_scenario(scenario, overrides), policy, seed)
+    world = World(scenario)
     cells = world.grid.coordinate_table() + 1
     splits_slot = world.duplex.splits_slot
     path, charged, heard, delivered, ages, nodes = [], [], [], [], [], []
-    for state, events in play(world, policy, seed):
+    for state, events in play(world, player, seed):
         path.append(cells[state.cell[0]].tolist())
         if events is None:
             nodes = cells[state.node_cell[0]].tolist()

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,15 +14,16 @@ from scipy.special import stdtrit
 from iout_marl.errors import InputError
 from iout_marl.metrics import BUILTIN
 from iout_marl.policies import (
+    AnyPolicy,
     EpisodeStreams,
-    ObservationPolicy,
     Policy,
     is_deterministic,
-    make_baseline,
+    policy_for,
+    take_actions,
 )
-from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario import AnyScenario, Overrides, load_scenario
 from iout_marl.whole import MAX_SEED, short, whole_argument
-from iout_marl.world import Events, State, World, has_chance, node_codes, pin_layout
+from iout_marl.world import Events, State, World, has_chance
 from iout_marl.world.actions import ActionCheck
 
 #: More would say no more, and not fit into memory.
@@ -132,33 +131,37 @@ class Evaluation:
 
 
 def evaluate(
-    scenario: str | Path | Mapping[str, Any] | Scenario,
-    policy: str | Policy | Callable[[Any], Any],
+    scenario: AnyScenario,
+    policy: AnyPolicy,
     episodes: int = 100,
     seed: int = 0,
+    *,
+    overrides: Overrides = None,
 ) -> Evaluation:
     """Run a policy over whole episodes.
 
     Args:
         scenario: a scenario, its name, its path, or a mapping with the keys of a file.
-        policy: the name of a baseline, a `Policy` (a trained one, say), or a function
-            from (envs, auvs, entries) observations to (envs, auvs, entries) actions.
+        policy: a `Policy`; a function from (envs, auvs, entries) observations to (envs, auvs,
+            entries) actions; or whatever `load_policy` takes: the name of a baseline, the folder
+            of a run, `MODULE:NAME`. Where a layout is drawn once for a run, a run that is named
+            by its folder plays in its own.
         episodes: how many, run side by side as one batch. Where neither the policy (by its
             `is_deterministic`) nor the world leaves anything to chance, one is played.
         seed: episode i has the seed `seed + i`: that of the layout, where it is random, is
             that of an environment reset with it; and of what the policy leaves to chance.
+        overrides: changes of the scenario, as for `load_scenario`.
 
     Raises:
-        InputError: no such scenario or baseline, episodes or a seed out of range, a policy
-            whose actions are not integers, of another shape, or outside their space, a
-            scenario whose numbers grow beyond all bounds, or a user's metric whose values are
-            of another shape, not finite or out of its bounds.
+        InputError: no such scenario or policy, a run of another scenario, episodes or a seed out
+            of range, a policy whose actions are not integers, of another shape, or outside their
+            space, a scenario whose numbers grow beyond all bounds, or a user's metric whose
+            values are of another shape, not finite or out of its bounds.
         TypeError: the policy is none.
     """
     episodes = whole_argument("episodes", episodes, 1, MAX_EPISODES)
     seed = whole_argument("seed", seed, 0, MAX_SEED)
-    scenario = pin_layout(load_scenario(scenario), seed)
-    player = _as_policy(policy)
+    scenario, player = policy_for(load_scenario(scenario, overrides), policy, seed)
     deterministic = is_deterministic(player) and not has_chance(scenario)
     world = World(scenario, 1 if deterministic else episodes)
     total_reward = np.zeros((world.num_envs, world.num_auvs))
@@ -208,19 +211,13 @@ def play(world: World, policy: Policy, seed: int = 0) -> Iterator[tuple[State, E
     Raises:
         InputError: the policy's actions do not fit their space.
     """
-    layouts = [np.random.default_rng(seed + i) for i in range(world.num_envs)]
-    state = world.reset(node_codes(world.scenario, world.grid, layouts))
+    state = world.reset(seed=seed)
     rng = EpisodeStreams(seed, world.num_envs)
     check = ActionCheck(world.num_envs, world.num_auvs, world.action_sizes)
     yield state, None
     for slot in range(world.num_slots):
         chosen = policy.act(world, state, rng)
-        try:
-            action = check(chosen)
-        except ValueError as error:
-            said = " ".join(str(error).split())
-            said = said if len(said) <= 300 else f"{said[:297]}..."
-            raise InputError(f"policy {policy.name}, slot {slot + 1}: {said}") from None
+        action = take_actions(policy, chosen, check, f", slot {slot + 1}")
         with _unbounded():
             state, events = world.step(state, action)
         yield state, events
@@ -229,20 +226,3 @@ def play(world: World, policy: Policy, seed: int = 0) -> Iterator[tuple[State, E
 def _unbounded() -> np.errstate:
     """Numbers may grow beyond all bounds: what comes of it is looked at in the end."""
     return np.errstate(over="ignore", invalid="ignore")
-
-
-def _as_policy(policy: str | Policy | Callable[[Any], Any]) -> Policy:
-    if isinstance(policy, str | Path) and os.path.isdir(policy):  # noqa: PTH112 (never raises)
-        hint = f"trainers.RunFolder(Path({str(policy)!r})).load_policy()"
-        raise InputError(f"{policy}: is a folder; the policy of a run is {hint}")
-    if isinstance(policy, str):
-        return make_baseline(policy)
-    if isinstance(policy, type) and callable(getattr(policy, "act", None)):
-        raise TypeError(f"a policy must be an object, not its class: {policy.__name__}(…)")
-    if isinstance(policy, Policy) and callable(policy.act):
-        return policy
-    if callable(policy):
-        return ObservationPolicy(policy)
-    raise TypeError(
-        f"a policy needs a name and a method act, or must be callable, not {short(policy)}"
-    )

@@ -32,7 +32,9 @@ different AUVs share the band is said by `channel.access`.
 (K), energies stored in the nodes in J (K), and with several AUVs the steps in cells to
 each other one, the nearest first. The scenario may scale them, append the nodes' positions,
 the time or the AUV's index, leave the others out, limit how far an AUV knows ages and
-energies (`observation.view_range_m`), and add a mask of sensible actions.
+energies (`observation.view_range_m`), and add a mask of sensible actions. The bounds of the
+space lie far above usual energies: to normalise, take `observation.kind: scaled` or
+`observation_ranges`, not the space (see `docs/python.md`).
 
 **Rewards**: the scenario's, by default the paper's: minus the mean age times the
 discrimination index 1 − J, minus penalties for leaving the grid, for failed uplinks, and
@@ -43,13 +45,16 @@ for what it has added (`reward.credit: difference`).
 last slot truncates, it does not terminate.
 
 **Infos** have the same numeric keys from `reset` on: see
-`iout_marl.envs.episodes.Episodes.info`.
+`iout_marl.envs.episodes.Episodes.info`. `aoi_now` is the mean age over nodes in this slot,
+`time_mean_aoi` its mean over the slots so far: what `iout_marl.evaluate` calls `mean_aoi`. The
+`mean_aoi` of infos is misleading: it means `aoi_now`, and does so until `iout_v1`.
 
 **Arguments**: `scenario`, a bundled name (`paper/k10-fdd`), a path to a YAML file, a mapping
 with the keys of one or a `Scenario`; `render_mode`: `human` prints every slot, `render` returns
 text with `ansi` and pixels with `rgb_array`; None draws nothing; `max_cycles`, the slots of an
-episode, 1 or more, where it is to have another number than the scenario says. `reset` takes a
-`seed` from 0 on; `options` have no effect.
+episode, 1 or more, where it is to have another number than the scenario says; `overrides`,
+changes of the scenario, `{"auvs.count": 3}` or `"auvs.count=3"`. `reset` takes a `seed` from 0
+on; `options` have no effect.
 
 **Version history**: v0, initial release.
 """
@@ -62,32 +67,39 @@ from pettingzoo import AECEnv
 from pettingzoo.utils import parallel_to_aec
 
 from iout_marl.envs.aec import CheckedAECEnv
-from iout_marl.envs.arguments import AnyScenario, scenario_of
+from iout_marl.envs.arguments import scenario_of
 from iout_marl.envs.parallel import AUVParallelEnv
+from iout_marl.scenario import AnyScenario, Overrides
 
 
 def parallel_env(
     scenario: AnyScenario = "paper/k10-fdd",
     render_mode: str | None = None,
     max_cycles: int | None = None,
+    *,
+    overrides: Overrides = None,
 ) -> AUVParallelEnv:
     """The environment in PettingZoo's parallel form, its native one."""
-    return AUVParallelEnv(scenario_of(scenario, max_cycles), render_mode)
+    return AUVParallelEnv(scenario_of(scenario, max_cycles, overrides), render_mode)
 
 
 def raw_env(
     scenario: AnyScenario = "paper/k10-fdd",
     render_mode: str | None = None,
     max_cycles: int | None = None,
+    *,
+    overrides: Overrides = None,
 ) -> AECEnv[str, Any, Any]:
     """The environment in PettingZoo's AEC form, without checks of how it is used."""
-    return parallel_to_aec(parallel_env(scenario, render_mode, max_cycles))
+    return parallel_to_aec(parallel_env(scenario, render_mode, max_cycles, overrides=overrides))
 
 
 def env(
     scenario: AnyScenario = "paper/k10-fdd",
     render_mode: str | None = None,
     max_cycles: int | None = None,
+    *,
+    overrides: Overrides = None,
 ) -> AECEnv[str, Any, Any]:
     """The environment in PettingZoo's AEC form."""
-    return CheckedAECEnv(raw_env(scenario, render_mode, max_cycles))
+    return CheckedAECEnv(raw_env(scenario, render_mode, max_cycles, overrides=overrides))

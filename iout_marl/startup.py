@@ -1,6 +1,8 @@
 """What can go wrong while the command line still imports what it needs: one line for it.
 
-Ctrl-C, and a working folder that is gone, for which libraries ask at once.
+Ctrl-C, and a working folder that is gone, for which libraries ask at once. And what would go wrong
+without a word: `python -m` looks for modules in the working folder first, where a folder of the
+user's may have the name of a package.
 
 Imported before anything else; it imports next to nothing itself.
 """
@@ -43,6 +45,8 @@ if _is_command_line():
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _quit)
     try:
-        os.getcwd()  # noqa: PTH109
+        here = os.getcwd()  # noqa: PTH109
     except OSError:
         _end(2, "the working folder is gone: change to one that is there")
+    if "-m" in sys.orig_argv and not sys.flags.safe_path and sys.path[:1] in ([here], [""]):
+        sys.path.append(sys.path.pop(0))

@@ -32,22 +32,23 @@ def _interface(scenario: Scenario) -> dict[str, tuple[Any, Any]]:
     By key: what must be the same, and what is shown where it is not.
     """
     seen, several = scenario.observation, scenario.num_auvs > 1
-    view = "null" if seen.view_range_m is None else "a range"
-    plain = {
-        "auvs.count": scenario.num_auvs,
-        "nodes.count": scenario.num_nodes,
-        "observation.kind": seen.kind,
-        "observation.node_positions": seen.node_positions,
-        "observation.time": seen.time,
-        "observation.other_auvs": seen.other_auvs and several,
-        "observation.agent_index": seen.agent_index,
-        "observation.view_range_m": view,
-    }
     motion, duplex = scenario.auvs.motion, scenario.duplex
+
+    def same(value: Any) -> tuple[Any, Any]:
+        return value, value
+
     return {
+        "auvs.count": same(scenario.num_auvs),
+        "nodes.count": same(scenario.num_nodes),
         "duplex.kind": (duplex.part.num_choices, duplex.kind),
         "auvs.motion": (tuple(map(tuple, motion.part.steps)), motion.kind),
-        **{key: (value, value) for key, value in plain.items()},
+        "observation.kind": same(seen.kind),
+        "observation.node_positions": same(seen.node_positions),
+        "observation.time": same(seen.time),
+        "observation.other_auvs": same(seen.other_auvs and several),
+        "observation.agent_index": same(seen.agent_index),
+        "observation.view_range_m": same("null" if seen.view_range_m is None else "a range"),
+        "observation.entries": same([entry.model_dump() for entry in seen.entries]),
     }
 
 

@@ -200,7 +200,9 @@ class RunFolder:
         check_like(path, weights, network.state_dict())
         network.load_state_dict(weights)
         network.to(device).eval()
-        return TrainedPolicy(network, name=str(self.path), use_mask=shape["mask_actions"])
+        return TrainedPolicy(
+            network, str(self.path), use_mask=shape["mask_actions"], num_auvs=world.num_auvs
+        )
 
     def _files(self) -> dict[str, bytes]:
         return saving.read_save(self.path)

@@ -20,7 +20,7 @@ from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.files import reason, to_json, user_path
 from iout_marl.metrics import described
-from iout_marl.scenario import Scenario, load_scenario, to_yaml
+from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario, to_yaml
 from iout_marl.signals import Stopped, StopSignals
 from iout_marl.terminal import progress_console
 from trainers import saving
@@ -103,7 +103,7 @@ def find_device(name: str) -> torch.device:
 
 
 def train(
-    scenario: str | Path | Mapping[str, Any] | Scenario,
+    scenario: AnyScenario,
     out: str | Path,
     seed: int = 0,
     device: torch.device | str = "cpu",
@@ -115,6 +115,7 @@ def train(
     replicas: int = 1,
     group: Group | None = None,
     use_graphs: bool = True,
+    overrides: Overrides = None,
 ) -> TrainingOutcome:
     """Train a policy, or several side by side, and evaluate at the end.
 
@@ -133,6 +134,7 @@ def train(
         group: the processes that train together, each of which calls this; the first one
             writes and evaluates.
         use_graphs: on a CUDA device, record the work as CUDA graphs.
+        overrides: changes of the scenario, as for `load_scenario`.
 
     Raises:
         DivergedError: weights or losses are no longer finite; nothing of it is saved.
@@ -142,7 +144,7 @@ def train(
             CUDA graphs.
     """
     started = time.perf_counter()
-    scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    scenario = load_scenario(scenario, overrides)
     out = user_path(out, "out")
     console, group = console or progress_console(), group or Group()
     with (

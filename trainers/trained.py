@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 import torch
 
 from iout_marl.errors import InputError
-from iout_marl.policies import Actions
+from iout_marl.policies import Actions, BasePolicy
+from iout_marl.policies.forms import Sizes, read_question
+from iout_marl.policies.predicting import asked_in, episodes_of, rows_of
 from iout_marl.world import State, World
 from trainers.networks import ActorCritic
 
 
-class TrainedPolicy:
+class TrainedPolicy(BasePolicy):
     """Plays what a network has learnt.
 
     Args:
@@ -20,6 +25,8 @@ class TrainedPolicy:
         use_mask: as in its training.
         sampled: draw actions from the policy, as in its training, rather than take the most
             probable ones.
+        num_auvs: of the fleet, for `predict`: how many observations are joined end to end; None
+            for any number.
     """
 
     def __init__(
@@ -29,30 +36,82 @@ class TrainedPolicy:
         *,
         use_mask: bool = False,
         sampled: bool = False,
+        num_auvs: int | None = None,
     ) -> None:
         self.network = network
         self.name = name
         self.use_mask = use_mask
         self.sampled = sampled
+        self._num_auvs = num_auvs
 
     @property
     def is_deterministic(self) -> bool:
         """Whether it leaves nothing to chance."""
         return not self.sampled
 
-    @torch.no_grad()
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:
         """See `iout_marl.policies.Policy`.
 
         Raises:
             InputError: the networks have come to numbers that are not finite.
         """
+        mask = world.action_mask(state) if self.use_mask else None
+        return self._choose(world.observe(state), mask, rng)
+
+    def predict(
+        self,
+        observation: Any,
+        mask: Any = None,
+        *,
+        env: Any = None,
+        rng: np.random.Generator | None = None,
+    ) -> Any:
+        """See `BasePolicy.predict`; needs no environment.
+
+        Args:
+            observation, mask: as there.
+            env: knows the masks, and the seed of what is drawn (`sampled`).
+            rng: for actions that are drawn; None for streams by the environment's seed, and
+                without an environment for the operating system's entropy.
+
+        Raises:
+            InputError: observations of another form or size; or the policy was trained with
+                masks, and there is none.
+        """
+        episodes = None if env is None else episodes_of(env)
+        sizes = Sizes(
+            self.network.scaler.shift.shape[-1], self.network.action_sizes, self._num_auvs
+        )
+        question = read_question(observation, mask, sizes, self.name)
+        masks = question.masks if self.use_mask else None
+        if self.use_mask and masks is None:
+            if episodes is None:
+                raise InputError(
+                    f"{self.name}: was trained with masks (training.mask_actions): give mask=, "
+                    "which environments hand out by observation.action_mask, or env="
+                )
+            masks = rows_of(episodes.masks(), question, episodes, self.name) != 0
+        # Of a whole environment, or batch, all that is drawn has the shape that it has in `act`.
+        leading: tuple[int, ...] = (len(question.rows),)
+        if episodes is not None:
+            world = episodes.world
+            if len(question.rows) == world.num_envs * world.num_auvs:
+                leading = (world.num_envs, world.num_auvs)
+            rng = rng or asked_in(episodes).streams
+        rows = question.rows.reshape(*leading, sizes.observation)
+        masks = masks if masks is None else masks.reshape(*leading, sum(sizes.action))
+        actions = self._choose(rows, masks, rng or np.random.default_rng())
+        return question.answer(actions.reshape(-1, len(sizes.action)))
+
+    @torch.no_grad()
+    def _choose(
+        self, observation: Any, mask: npt.NDArray[np.bool_] | None, rng: np.random.Generator
+    ) -> Actions:
+        """(…, entries) actions for (…, entries) observations and (…, choices) masks."""
         device = self.network.scaler.shift.device
-        observation = torch.as_tensor(world.observe(state), dtype=torch.float32, device=device)
-        mask = None
-        if self.use_mask:
-            mask = torch.as_tensor(world.action_mask(state), device=device)
-        scores = self.network.scores(self.network.scaler(observation), mask)
+        seen = torch.as_tensor(observation, dtype=torch.float32, device=device)
+        allowed = None if mask is None else torch.as_tensor(mask, device=device)
+        scores = self.network.scores(self.network.scaler(seen), allowed)
         if not scores.isfinite().all():
             raise InputError(
                 f"{self.name}: its weights lead to numbers that are not finite: they are damaged, "

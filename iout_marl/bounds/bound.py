@@ -16,7 +16,7 @@ from iout_marl.bounds.opening import search
 from iout_marl.bounds.scheduling import least_age_sum
 from iout_marl.bounds.sharing import fits
 from iout_marl.errors import InputError
-from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
 
 #: How long a bound is searched for unless told otherwise.
 USUAL_SECONDS = 60.0
@@ -90,15 +90,20 @@ def percent_text(gap: float) -> str:
 
 
 def bound(
-    scenario: str | Scenario, best_known: float | None = None, seconds: float = USUAL_SECONDS
+    scenario: AnyScenario,
+    best_known: float | None = None,
+    seconds: float = USUAL_SECONDS,
+    *,
+    overrides: Overrides = None,
 ) -> Bound:
     """Bounds on the mean AoI of any policy, verified by `verified_age_sum`.
 
     Args:
-        scenario: a scenario, its name or its path.
+        scenario: whatever `load_scenario` takes.
         best_known: a mean AoI that some policy reaches, in slots: spares looking higher.
         seconds: time to search for: a step that has begun takes up to a second more. The check
             comes on top, and takes about as long again at most.
+        overrides: changes of the scenario, as for `load_scenario`.
 
     Raises:
         InputError: no such scenario, its ages are too large to be added up, or a number is out of
@@ -108,7 +113,7 @@ def bound(
         raise InputError(f"seconds must be 0 or more, not {seconds}")
     if best_known is not None and not 0 < best_known < math.inf:
         raise InputError(f"best_known must be a mean AoI above 0, not {best_known}")
-    scenario = load_scenario(scenario)
+    scenario = load_scenario(scenario, overrides)
     deadline = time.monotonic() + seconds
     node_slots = scenario.num_nodes * scenario.num_slots
     scheduled = least_age_sum(scenario)

@@ -20,7 +20,7 @@ from iout_marl.bounds.prices import Prices
 from iout_marl.bounds.scheduling import MOST_AGE_SUM
 from iout_marl.bounds.sharing_check import proven_age_sum
 from iout_marl.errors import InputError, did_you_mean
-from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
 
 #: The fields of each kind in JSON.
 _CLAIM = ("kind", "world_hash", "age_sum")
@@ -171,12 +171,15 @@ def _checked_prices(prices: Any) -> Prices:
     )
 
 
-def verified_age_sum(scenario: str | Scenario, certificate: Certificate) -> int:
+def verified_age_sum(
+    scenario: AnyScenario, certificate: Certificate, *, overrides: Overrides = None
+) -> int:
     """The claim of a certificate, once it is found to hold.
 
     Args:
-        scenario: a scenario, its name or its path, which is trusted.
+        scenario: whatever `load_scenario` takes; it is trusted.
         certificate: the certificate, which is not.
+        overrides: changes of the scenario, as for `load_scenario`.
 
     Raises:
         InputError: the certificate is malformed, of another scenario, does not prove its claim,
@@ -187,7 +190,7 @@ def verified_age_sum(scenario: str | Scenario, certificate: Certificate) -> int:
             "certificate: must be a Certificate, as Certificate.from_json makes it, "
             f"not {untrusted.shown(certificate)}"
         )
-    scenario, certificate = load_scenario(scenario), certificate.checked()
+    scenario, certificate = load_scenario(scenario, overrides), certificate.checked()
     _check_is_for(scenario, certificate)
     claimed = certificate.age_sum
     start = np.full((1, scenario.num_nodes), scenario.age.initial, dtype=np.int64)

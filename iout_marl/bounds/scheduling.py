@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.errors import InputError
-from iout_marl.scenario import Scenario
+from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
 
 Integers = npt.NDArray[np.int64]
 
@@ -55,12 +55,16 @@ def least_remaining_ages(ages: Integers, num_slots: int, maximum: int, resets: i
     return total + max(num_slots - num_nodes, 0) * since_reset
 
 
-def least_age_sum(scenario: Scenario) -> int:
+def least_age_sum(scenario: AnyScenario, *, overrides: Overrides = None) -> int:
     """The least sum of ages over nodes and slots that any schedule of deliveries leads to.
 
+    Args:
+        scenario, overrides: as for `load_scenario`.
+
     Raises:
-        InputError: it may be too large for 64 bits.
+        InputError: no such scenario, or the sum may be too large for 64 bits.
     """
+    scenario = load_scenario(scenario, overrides)
     if scenario.num_nodes * scenario.num_slots * scenario.age.maximum > MOST_AGE_SUM:
         raise InputError(
             f"age.maximum: {scenario.num_slots:,} slots of so high ages cannot be added up in "
@@ -73,15 +77,16 @@ def least_age_sum(scenario: Scenario) -> int:
     return int(least[0])
 
 
-def delivery_bound(scenario: Scenario) -> float:
+def delivery_bound(scenario: AnyScenario, *, overrides: Overrides = None) -> float:
     """The scheduling bound: a lower bound on the mean AoI of any policy.
 
     It holds for nodes anywhere, and for unweighted ages, as `mean_aoi` has them.
 
     Args:
-        scenario: the scenario.
+        scenario, overrides: as for `load_scenario`.
 
     Returns:
         mean over nodes and slots of the age after each slot, in slots.
     """
+    scenario = load_scenario(scenario, overrides)
     return least_age_sum(scenario) / scenario.num_nodes / scenario.num_slots

@@ -2,40 +2,31 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium.vector import AutoresetMode
 
 from iout_marl.errors import InputError, did_you_mean
-from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
 from iout_marl.whole import short, whole_argument
 
 RENDER_MODES = ("human", "ansi", "rgb_array")
-#: A bundled name, a path to a YAML file, a mapping with the keys of one, or a `Scenario`.
-AnyScenario: TypeAlias = str | Path | Mapping[str, Any] | Scenario
 #: More processes than any machine has cores for, more slots than an episode may have.
 MOST_PROCESSES, MOST_CYCLES = 10**4, 10**9
 
 
-def scenario_of(scenario: Any, max_cycles: Any = None) -> Scenario:
+def scenario_of(
+    scenario: AnyScenario, max_cycles: Any = None, overrides: Overrides = None
+) -> Scenario:
     """The scenario that is meant, with another number of slots where one is given.
 
     Raises:
-        InputError: no such scenario, a fault in it, or either argument is something else.
+        InputError: no such scenario, a fault in it, or an argument is something else.
     """
-    if not isinstance(scenario, str | os.PathLike | Mapping | Scenario):
-        raise InputError(
-            "scenario must be a bundled name, a path, a mapping or a Scenario, "
-            f"not {short(scenario)}"
-        )
-    if isinstance(scenario, os.PathLike):
-        scenario = Path(scenario)
-    loaded = load_scenario(scenario)
+    loaded = load_scenario(scenario, overrides)
     if max_cycles is None:
         return loaded
     slots = whole_argument("max_cycles", max_cycles, 1, MOST_CYCLES)

@@ -12,11 +12,12 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from iout_marl.envs.arguments import AnyScenario, render_mode_of, scenario_of
+from iout_marl.envs.arguments import render_mode_of
 from iout_marl.envs.maskable import MaskableMultiDiscrete
 from iout_marl.envs.play import BatchedPlay, Play, UnrolledPlay
 from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text, print_text
+from iout_marl.scenario import AnyScenario, Overrides, load_scenario
 from iout_marl.tracing.unrolled import pays_unrolled, unrolled_slot
 from iout_marl.world import Events, State, World, node_codes, redraws_every_episode
 from iout_marl.world.actions import ActionCheck
@@ -24,6 +25,7 @@ from iout_marl.world.observation import Ranges
 
 #: Of a slot and an environment, by name: see `Episodes.info`.
 INFO_KEYS = (
+    "aoi_now",
     "mean_aoi",
     "time_mean_aoi",
     "peak_aoi",
@@ -37,6 +39,7 @@ INFO_KEYS = (
 )
 #: Those of them that a state has, with their names there.
 _STATE_FIELDS = {
+    "aoi_now": "mean_age",
     "mean_aoi": "mean_age",
     "peak_aoi": "peak_age",
     "jain": "jain",
@@ -55,21 +58,28 @@ class Episodes:
         scenario: a `Scenario`, a bundled name, a path or a mapping.
         num_envs: environments in the batch.
         render_mode: one of `RENDER_MODES`, or None.
+        overrides: as for `load_scenario`.
 
     Attributes:
         world: the world.
         observation_space, action_space: of one AUV.
         state_space: of the vector for central critics.
+        seeds: those by which all environments were last reset together; None for entropy.
 
     Raises:
         InputError: no such scenario, a fault in it, or an argument out of its range.
     """
 
     def __init__(
-        self, scenario: AnyScenario, num_envs: int = 1, render_mode: str | None = None
+        self,
+        scenario: AnyScenario,
+        num_envs: int = 1,
+        render_mode: str | None = None,
+        *,
+        overrides: Overrides = None,
     ) -> None:
         self.render_mode = render_mode_of(render_mode)
-        self.scenario = scenario_of(scenario)
+        self.scenario = load_scenario(scenario, overrides)
         try:
             self.world = World(self.scenario, num_envs)
         except MemoryError:
@@ -88,6 +98,7 @@ class Episodes:
             if self.mask_place == "observation"
             else self.vector_space
         )
+        self.seeds: tuple[int | None, ...] = (None,) * self._num_envs
         self._rngs: list[np.random.Generator] = []
         self._layout: npt.NDArray[np.int64] | None = None
         #: Whether some were restarted without the others.
@@ -139,6 +150,8 @@ class Episodes:
         if not self._rngs:
             self._rngs = [np.random.default_rng() for _ in seeds]
         reseeded = [i for i, seed in enumerate(seeds) if seed is not None]
+        if reseeded:
+            self.seeds = tuple(seeds)
         for i in reseeded:
             self._rngs[i] = np.random.default_rng(seeds[i])
         if self._layout is None or redraws_every_episode(self.scenario):
@@ -253,20 +266,25 @@ class Episodes:
     def info(self) -> dict[str, npt.NDArray[np.float64]]:
         """What infos tell, by `INFO_KEYS`: (envs,) each, or (envs, auvs) of an AUV's own.
 
-        Of now: `mean_aoi`, the mean age over nodes. Of the episode so far:
-        `time_mean_aoi`, the mean of that over its slots (what an evaluation calls
-        `mean_aoi`); `peak_aoi`, the highest age of any node; `jain`; `total_harvested_j`,
-        `total_spent_j` of all nodes; `age_violations`. Of an AUV in the last slot:
-        `harvested_j`, the energy that it brought to a node; `delivered`, 1 if it received
-        a packet; `beta` (0 in FDD). Before the first slot these are 0.
+        Of now: `aoi_now`, the mean age over nodes, in slots. Of the episode so far:
+        `time_mean_aoi`, the mean of that over its slots; `peak_aoi`, the highest age of any
+        node; `jain`; `total_harvested_j`, `total_spent_j` of all nodes; `age_violations`. Of
+        an AUV in the last slot: `harvested_j`, the energy that it brought to a node;
+        `delivered`, 1 if it received a packet; `beta` (0 in FDD). Before the first slot
+        these are 0.
+
+        `mean_aoi` is `aoi_now` under a misleading name, which it keeps until `iout_v1`: what
+        an evaluation calls `mean_aoi` is `time_mean_aoi`.
         """
         if self._is_apart:
             return self._info_apart()
         now, slot = self._playing.now, self._slots_over
         last = self._playing.last if slot else self._no_events
+        aoi_now = now("mean_age")
         return {
-            "mean_aoi": now("mean_age"),
-            "time_mean_aoi": now("age_sum") / slot if slot else now("mean_age"),
+            "aoi_now": aoi_now,
+            "mean_aoi": aoi_now,
+            "time_mean_aoi": now("age_sum") / slot if slot else aoi_now,
             "peak_aoi": now("peak_age"),
             "jain": now("jain"),
             "harvested_j": last("harvested_j"),

@@ -9,10 +9,12 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from iout_marl.envs.arguments import RENDER_MODES, AnyScenario, options_of, seed_of
+from iout_marl.envs.arguments import RENDER_MODES, options_of, seed_of
 from iout_marl.envs.episodes import Episodes, FloatArray
 from iout_marl.errors import InputError
+from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.world.actions import integers
+from iout_marl.world.observation import Ranges
 
 
 class AUVEnv(gymnasium.Env[Any, Any]):
@@ -24,6 +26,7 @@ class AUVEnv(gymnasium.Env[Any, Any]):
     Args:
         scenario: a bundled name, a path to a YAML file, a mapping or a `Scenario`.
         render_mode: `human`, `ansi`, `rgb_array` or None.
+        overrides: changes of the scenario, as for `load_scenario`.
 
     Raises:
         InputError: no such scenario, a fault in it, or an unknown render mode.
@@ -35,11 +38,20 @@ class AUVEnv(gymnasium.Env[Any, Any]):
         self,
         scenario: AnyScenario = "paper/k10-fdd",
         render_mode: str | None = None,
+        *,
+        overrides: Overrides = None,
     ) -> None:
-        self._episodes = Episodes(scenario, render_mode=render_mode)
+        self._episodes = Episodes(scenario, render_mode=render_mode, overrides=overrides)
         self.render_mode = render_mode
         self.scenario = self._episodes.scenario
         self.observation_space, self.action_space = joint_spaces(self._episodes)
+        #: What brings the entries of an observation to the order of one, see `Ranges`.
+        self.observation_ranges = joint_ranges(self._episodes)
+
+    @property
+    def episodes(self) -> Episodes:
+        """What the environment plays: its world, and the state that it is in."""
+        return self._episodes
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -91,6 +103,13 @@ def joint_spaces(episodes: Episodes) -> tuple[spaces.Space[Any], spaces.MultiDis
     return spaces.Dict({"observation": joint, "action_mask": masks}), actions
 
 
+def joint_ranges(episodes: Episodes) -> Ranges:
+    """Those of the observations of all AUVs, joined end to end."""
+    own, m = episodes.world.observer.agent_ranges, episodes.world.num_auvs
+    low, high, scale = (np.tile(each, m) for each in (own.low, own.high, own.scale))
+    return Ranges(low, high, scale, own.limit)
+
+
 def split_actions(episodes: Episodes, actions: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """(envs, auvs · entries) joint actions as (envs, auvs, entries).
 
@@ -123,10 +142,15 @@ def joint_info(episodes: Episodes) -> dict[str, npt.NDArray[Any]]:
     info = episodes.info()
     combined: dict[str, npt.NDArray[Any]] = {
         # A copy: whoever writes into an info must not write into the state.
-        name: np.array(value if value.ndim == 1 else value.sum(1), dtype=np.float64)
+        name: np.array(value if value.ndim == 1 else _joined(name, value), dtype=np.float64)
         for name, value in info.items()
     }
-    combined["beta"] = info["beta"].mean(1)
     if episodes.mask_place == "info":
         combined["action_mask"] = episodes.masks().reshape(episodes.world.num_envs, -1)
     return combined
+
+
+def _joined(name: str, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Values of each AUV, (envs, auvs), taken together, (envs,)."""
+    joined: npt.NDArray[Any] = values.mean(1) if name == "beta" else values.sum(1)
+    return joined

@@ -11,9 +11,10 @@ import numpy.typing as npt
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
-from iout_marl.envs.arguments import RENDER_MODES, AnyScenario, options_of, seed_of
+from iout_marl.envs.arguments import RENDER_MODES, options_of, seed_of
 from iout_marl.envs.episodes import Episodes
 from iout_marl.errors import InputError, did_you_mean
+from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.whole import short
 from iout_marl.world.actions import entries_of
 
@@ -29,6 +30,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
     Args:
         scenario: a bundled name, a path to a YAML file, a mapping or a `Scenario`.
         render_mode: `human`, `ansi`, `rgb_array` or None.
+        overrides: changes of the scenario, as for `load_scenario`.
 
     Raises:
         InputError: no such scenario, a fault in it, or an unknown render mode.
@@ -45,8 +47,10 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         self,
         scenario: AnyScenario = "paper/k10-fdd",
         render_mode: str | None = None,
+        *,
+        overrides: Overrides = None,
     ) -> None:
-        self._episodes = Episodes(scenario, render_mode=render_mode)
+        self._episodes = Episodes(scenario, render_mode=render_mode, overrides=overrides)
         self.render_mode = render_mode
         self.scenario = self._episodes.scenario
         self.possible_agents = [f"auv_{i}" for i in range(self.scenario.num_auvs)]
@@ -60,6 +64,13 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
             a: copy.deepcopy(self._episodes.action_space) for a in self.possible_agents
         }
         self.state_space = self._episodes.state_space
+        #: Of one AUV's observation: what brings its entries to the order of one, see `Ranges`.
+        self.observation_ranges = self._episodes.world.observer.agent_ranges
+
+    @property
+    def episodes(self) -> Episodes:
+        """What the environment plays: its world, and the state that it is in."""
+        return self._episodes
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """The observations of an agent: a Box, or a Dict with the mask beside it."""

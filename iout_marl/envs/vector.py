@@ -12,15 +12,21 @@ from gymnasium.vector.utils import batch_space
 
 from iout_marl.envs.arguments import (
     RENDER_MODES,
-    AnyScenario,
     autoreset_mode_of,
     options_of,
     reset_mask_of,
     seeds_of,
 )
 from iout_marl.envs.episodes import Episodes
-from iout_marl.envs.joint import joint_info, joint_observations, joint_spaces, split_actions
+from iout_marl.envs.joint import (
+    joint_info,
+    joint_observations,
+    joint_ranges,
+    joint_spaces,
+    split_actions,
+)
 from iout_marl.errors import InputError
+from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.world.actions import integers
 
 
@@ -44,6 +50,7 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
         render_mode: `human`, `ansi`, `rgb_array` or None, of every environment.
         autoreset_mode: an `AutoresetMode`, or its name or value; None for that of `metadata`,
             SAME_STEP.
+        overrides: changes of the scenario, as for `load_scenario`.
 
     Raises:
         InputError: no such scenario, a fault in it, or an argument out of its range.
@@ -61,18 +68,27 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
         num_envs: int = 1,
         render_mode: str | None = None,
         autoreset_mode: str | AutoresetMode | None = None,
+        *,
+        overrides: Overrides = None,
     ) -> None:
         mode = self.metadata["autoreset_mode"] if autoreset_mode is None else autoreset_mode
         self.autoreset_mode = autoreset_mode_of(mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self._is_next_reset = False
-        self._episodes = Episodes(scenario, num_envs, render_mode)
+        self._episodes = Episodes(scenario, num_envs, render_mode, overrides=overrides)
         self.num_envs = num_envs = self._episodes.world.num_envs
         self.render_mode = render_mode
         self.scenario = self._episodes.scenario
         self.single_observation_space, self.single_action_space = joint_spaces(self._episodes)
+        #: Of one environment: what brings the entries of an observation to the order of one.
+        self.observation_ranges = joint_ranges(self._episodes)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+
+    @property
+    def episodes(self) -> Episodes:
+        """What the environment plays: its world, and the state that it is in."""
+        return self._episodes
 
     def reset(
         self,

@@ -1,41 +1,21 @@
-"""Policies that need no training, and what a policy is."""
+"""Policies: what one is, those that need no training, and how all of them are called."""
 
-from collections.abc import Callable
-
-from iout_marl.errors import InputError, did_you_mean
 from iout_marl.policies.baselines import Greedy, RandomWalk, RoundRobin
 from iout_marl.policies.chance import EpisodeStreams
+from iout_marl.policies.loading import AnyPolicy, as_policy, load_policy, policy_for
+from iout_marl.policies.named import BASELINES, UNTRAINED, make_baseline
 from iout_marl.policies.planned import PlannerPolicy, Tour
-from iout_marl.policies.policy import Actions, ObservationPolicy, Policy, is_deterministic
+from iout_marl.policies.policy import Actions, Policy, is_deterministic, take_actions
+from iout_marl.policies.predicting import BasePolicy, ObservationPolicy
 from iout_marl.policies.search import USUAL, Budget
-
-#: The baselines by name, in the order in which tables list them.
-BASELINES: dict[str, Callable[[], Policy]] = {
-    "random-walk": RandomWalk,
-    "round-robin": RoundRobin,
-    "greedy": Greedy,
-    "tour": Tour,
-}
-#: All that need no training: those, and one that takes its time for every layout.
-UNTRAINED: dict[str, Callable[[], Policy]] = {**BASELINES, "planner": PlannerPolicy}
-
-
-def make_baseline(name: str) -> Policy:
-    """The untrained policy of that name.
-
-    Raises:
-        InputError: no such policy.
-    """
-    if name not in UNTRAINED:
-        raise InputError(f"no policy {name!r}{did_you_mean(name, UNTRAINED)}")
-    return UNTRAINED[name]()
-
 
 __all__ = [
     "BASELINES",
     "UNTRAINED",
     "USUAL",
     "Actions",
+    "AnyPolicy",
+    "BasePolicy",
     "Budget",
     "EpisodeStreams",
     "Greedy",
@@ -45,6 +25,10 @@ __all__ = [
     "RandomWalk",
     "RoundRobin",
     "Tour",
+    "as_policy",
     "is_deterministic",
+    "load_policy",
     "make_baseline",
+    "policy_for",
+    "take_actions",
 ]

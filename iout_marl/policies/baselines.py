@@ -6,10 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.policies.policy import Actions
+from iout_marl.policies.predicting import BasePolicy
 from iout_marl.world import State, World
 
 
-class RandomWalk:
+class RandomWalk(BasePolicy):
     """A uniform sample of the action space in every slot."""
 
     name = "random-walk"
@@ -20,7 +21,7 @@ class RandomWalk:
         return np.stack([rng.integers(0, size, shape) for size in world.action_sizes], axis=-1)
 
 
-class RoundRobin:
+class RoundRobin(BasePolicy):
     """A random direction; nodes in turn, one a slot, whether or not the uplink works.
 
     The same node is charged and heard. With several AUVs each starts its round at a
@@ -37,7 +38,7 @@ class RoundRobin:
         return _same_node(world, direction, node)
 
 
-class Greedy:
+class Greedy(BasePolicy):
     """One cell towards the nodes' centre of gravity, never at rest; the nearest node.
 
     Within one cell of the centre of gravity, a uniformly random node instead. The same

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,11 +30,11 @@ class EpisodeStreams(np.random.Generator):
     comes from one stream for all.
 
     Args:
-        seed: of the first episode; that of episode i is `seed + i`.
+        seed: of the first episode, that of episode i is `seed + i`; or a seed for each.
         num_episodes: how many there are.
     """
 
-    def __init__(self, seed: int, num_episodes: int) -> None:
+    def __init__(self, seed: int | Sequence[int], num_episodes: int) -> None:
         self._seed, self._count = seed, num_episodes
         super().__init__(np.random.PCG64(self._sequence(0, _COMMON)))
         self._common = np.random.Generator(self.bit_generator)
@@ -90,7 +90,9 @@ class EpisodeStreams(np.random.Generator):
         return list(first) == [self._count]
 
     def _sequence(self, episode: int, purpose: int) -> np.random.SeedSequence:
-        return np.random.SeedSequence(self._seed + episode, spawn_key=(purpose,))
+        first = self._seed
+        seed = first + episode if isinstance(first, int) else first[episode]
+        return np.random.SeedSequence(seed, spawn_key=(purpose,))
 
     def _streams(self, purpose: int) -> list[np.random.Generator]:
         """The streams of all episodes, made when they are first drawn from."""

@@ -8,12 +8,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from iout_marl.policies.policy import Actions, Policy
+from iout_marl.policies.predicting import BasePolicy
 from iout_marl.policies.search import USUAL, Budget, Planner
 from iout_marl.policies.simulator import Plan
 from iout_marl.world import State, World
 
 
-class _Planned:
+class _Planned(BasePolicy):
     """Plays episodes as planned; from a state that no plan has foreseen it plans anew.
 
     Knows the whole scenario and the whole state, and learns nothing. The layouts that are

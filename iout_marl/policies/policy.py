@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.errors import InputError
 from iout_marl.world import State, World
+from iout_marl.world.actions import ActionCheck
 
 #: (envs, auvs, entries) int: one entry of an action for each of `World.action_sizes`.
 Actions: TypeAlias = npt.NDArray[np.int64]
@@ -46,23 +47,21 @@ def is_deterministic(policy: Policy) -> bool:
     return isinstance(said, bool | np.bool_) and bool(said)
 
 
-class ObservationPolicy:
-    """A plain function of the observations as a policy.
+def take_actions(policy: Policy, chosen: Any, check: ActionCheck, when: str = "") -> Actions:
+    """What a policy has chosen, as the world takes it: (envs, auvs, entries).
 
     Args:
-        function: takes (envs, auvs, entries) float32 observations, returns
-            (envs, auvs, entries) integer actions.
-        name: what tables call it.
+        policy: who has chosen.
+        chosen: what `Policy.act` has returned.
+        check: knows the shape and the space.
+        when: what to add to the policy's name in a message.
+
+    Raises:
+        InputError: it does not fit the action space.
     """
-
-    def __init__(self, function: Callable[[Any], Any], name: str = "") -> None:
-        self._function = function
-        self.name = name or str(getattr(function, "__name__", "callable"))
-
-    def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:  # noqa: ARG002
-        observation = np.asarray(world.observe(state), dtype=np.float32)
-        chosen = self._function(observation)
-        try:
-            return np.asarray(chosen)
-        except ValueError:  # ragged; whoever plays it says what an action is
-            return np.asarray(chosen, dtype=object)
+    try:
+        return check(chosen)
+    except ValueError as error:
+        said = " ".join(str(error).split())
+        said = said if len(said) <= 300 else f"{said[:297]}..."
+        raise InputError(f"policy {policy.name}{when}: {said}") from None

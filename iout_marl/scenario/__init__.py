@@ -1,12 +1,15 @@
 """Scenarios: YAML files that say all that changes a result."""
 
-from iout_marl.scenario.loading import load_scenario, parse_scenario, to_yaml
+from iout_marl.scenario.layers import Overrides
+from iout_marl.scenario.loading import AnyScenario, load_scenario, parse_scenario, to_yaml
 from iout_marl.scenario.places import show_file
 from iout_marl.scenario.schema import Scenario
 from iout_marl.scenario.sources import bundled_names, bundled_root, find_scenario
 from iout_marl.scenario.training import Training
 
 __all__ = [
+    "AnyScenario",
+    "Overrides",
     "Scenario",
     "Training",
     "bundled_names",

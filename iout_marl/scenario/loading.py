@@ -6,7 +6,7 @@ import io
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
@@ -30,10 +30,12 @@ from iout_marl.scenario.schema import Scenario
 from iout_marl.scenario.sources import bundled_root, find_scenario
 
 Model = TypeVar("Model", bound=BaseModel)
+#: Whatever is taken for a scenario: a bundled name, a path, a mapping, or a `Scenario`.
+AnyScenario: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | Scenario
 
 
 def load_scenario(
-    source: str | os.PathLike[str] | Mapping[str, Any] | Scenario,
+    source: AnyScenario,
     overrides: Overrides = (),
     *,
     beside: Path | None = None,
@@ -46,7 +48,7 @@ def load_scenario(
 
     Args:
         source: a bundled name (`paper/k10-fdd`), a path to a YAML file, a mapping with
-            the keys of a file, or a `Scenario`.
+            the keys of a file, or a `Scenario`, which without overrides comes back as it is.
         overrides: `"auvs.count=3"`, several of them, or `{"auvs.count": 3, …}`, over the
             file. Numbers and arrays of NumPy are taken for plain ones.
         beside: the file in which the overrides were written: a training preset that they
@@ -58,8 +60,10 @@ def load_scenario(
     Raises:
         InputError: one line with file, line, key and what was meant.
     """
-    path = None
+    path, above = None, overrides_layer(overrides)
     if isinstance(source, Scenario):
+        if not above.data:
+            return source
         layer = Layer(source.model_dump(), Places(source.name))
     elif isinstance(source, Mapping):
         layer = mapping_layer(source)
@@ -71,7 +75,6 @@ def load_scenario(
         raise InputError(
             f"scenario: must be a name, a path, a mapping or a Scenario, not {show_value(source)}"
         )
-    above = overrides_layer(overrides)
     if names_preset(above):
         path = beside or path
     return validate(Scenario, with_preset(above.over(layer), path))

@@ -8,6 +8,7 @@ import json
 import math
 import os
 import re
+import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -37,7 +38,7 @@ class Cell:
         group, series: where the report shows it.
         axis: its place on the study's axis.
         scenario: the scenario, settings filled in.
-        policy: a baseline, `ppo`, or `bound`.
+        policy: a baseline, `ppo`, `bound`, or one from outside, `MODULE:NAME`.
         seed: seeds the training, or a baseline's choices, and a layout drawn once for a run.
         episodes: how many episodes it is judged by.
         planner_rounds: how long the planner searches; None for the usual, and for others.
@@ -69,8 +70,8 @@ class Cell:
         identity = [self.scenario.hash, self.policy, self.seed, self.episodes, WORLD_VERSION]
         identity += [e for e in (self.planner_rounds, self.bound_seconds) if e is not None]
         digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:10]
-        name = re.sub(r"[^\w.-]+", "-", self.scenario.name)
-        return f"{name}-{self.policy}-s{self.seed}-{digest}"
+        name = re.sub(r"[^\w.-]+", "-", f"{self.scenario.name}-{self.policy}")
+        return f"{name}-s{self.seed}-{digest}"
 
     @property
     def cost(self) -> float:
@@ -89,7 +90,12 @@ class Cell:
 
 
 def expand(
-    study: Study, layer: Layer, overrides: Sequence[str] = (), *, quick: bool = False
+    study: Study,
+    layer: Layer,
+    overrides: Sequence[str] = (),
+    outside: Sequence[str] = (),
+    *,
+    quick: bool = False,
 ) -> list[Cell]:
     """The cells of a study, group by group.
 
@@ -97,16 +103,20 @@ def expand(
         study: the study.
         layer: where its keys were written.
         overrides: `key=value` over every scenario.
+        outside: policies from outside that the study may have, `MODULE:NAME`: what a file
+            names is never imported unless whoever runs the study has named it, too.
         quick: only what `quick` leaves of it.
 
     Scenarios and training presets are looked for in the folder of the study's file, then
     among the bundled ones. `overrides` name a preset as they do for any scenario.
 
     Raises:
-        InputError: a scenario that is none, a setting that does not fit, an axis that is
-            no number, two cells that are the same, no cell at all, or far too many.
+        InputError: a scenario that is none, a setting that does not fit, a policy from outside
+            that nobody has named, an axis that is no number, two cells that are the same, no
+            cell at all, or far too many.
     """
     _check_size(study, layer, quick=quick)
+    _check_outside(study, layer, outside)
     over = overrides_layer(overrides)
     cells = [
         cell
@@ -176,6 +186,27 @@ def _expand_group(
                 bound_seconds=seconds if policy == BOUND else None,
                 variant=variant,
                 place=tuple(place),
+            )
+
+
+def _check_outside(study: Study, layer: Layer, outside: Sequence[str]) -> None:
+    """No file makes code run: policies from outside are named by whoever runs the study."""
+    listed = [
+        (policy, layer.origin(("groups", name, "policies", i)), name)
+        for name, group in study.groups.items()
+        for i, policy in enumerate(group.policies)
+        if ":" in policy
+    ]
+    for policy, where, name in listed:
+        if policy not in outside:
+            raise InputError(
+                f"{where}: groups.{name}: policies from outside must be named on the command "
+                f"line, too: --policy {shlex.quote(policy)}"
+            )
+    for policy in outside:
+        if all(policy != each for each, *_ in listed):
+            raise InputError(
+                f"--policy {policy}: the study has no such policy; its groups list their policies"
             )
 
 

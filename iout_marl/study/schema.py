@@ -89,7 +89,8 @@ class Group(Section):
     @model_validator(mode="after")
     def _check(self) -> Group:
         for i, policy in enumerate(self.policies):
-            if policy not in POLICIES:
+            # One of MODULE:NAME is looked for among those that the command line names.
+            if policy not in POLICIES and ":" not in policy:
                 hint = did_you_mean(policy, POLICIES)
                 raise invalid(("policies", i), f"unknown policy {policy!r}{hint}")
         for key, policy in (("planner_rounds", PLANNER), ("bound_seconds", BOUND)):

@@ -22,13 +22,13 @@ from iout_marl.errors import InputError
 from iout_marl.metrics import Metric, registered
 from iout_marl.parts import Access, Context, Duplex, Request, Reward, at_work
 from iout_marl.physics.arrays import Array, cast
-from iout_marl.scenario import Scenario
-from iout_marl.whole import whole_argument
+from iout_marl.scenario import AnyScenario, Overrides, load_scenario
+from iout_marl.whole import MAX_SEED, whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
-from iout_marl.world.placement import start_cells
+from iout_marl.world.placement import node_codes, start_cells
 
 #: Changes whenever the same scenario, seed and actions would lead elsewhere, rounding apart.
 WORLD_VERSION = 0
@@ -45,11 +45,12 @@ class World:
     another node. `checked_step` looks first.
 
     Args:
-        scenario: the scenario.
+        scenario: whatever `load_scenario` takes.
         num_envs: environments in the batch, 1 or more.
         library: array library, such as `numpy` (default) or `torch`.
         dtype: floating type, `float64` or `float32`.
         device: device of the library, or None for its default.
+        overrides: changes of the scenario, as for `load_scenario`.
         measured: what episodes are judged by; None for all metrics that are registered now.
 
     Attributes:
@@ -61,21 +62,22 @@ class World:
             in FDD, (directions, K) in TDD.
 
     Raises:
-        InputError: an argument is something else, or the scenario makes numbers that no
-            array holds.
+        InputError: no such scenario, a fault in it, an argument is something else, or the
+            scenario makes numbers that no array holds.
     """
 
     def __init__(
         self,
-        scenario: Scenario,
+        scenario: AnyScenario,
         num_envs: int = 1,
         library: Any = np,
         dtype: str = "float64",
         device: Any = None,
+        *,
+        overrides: Overrides = None,
         measured: Sequence[Metric] | None = None,
     ) -> None:
-        if not isinstance(scenario, Scenario):
-            raise InputError("scenario must be a Scenario: `load_scenario` makes one of a name")
+        scenario = load_scenario(scenario, overrides)
         if dtype not in DTYPES:
             raise InputError(f"dtype must be one of {', '.join(DTYPES)}, not {dtype!r}")
         check_scenario(scenario)
@@ -128,17 +130,25 @@ class World:
         nowhere = backend.zeros((num_envs, self.num_nodes))
         self._maximum_age = nowhere + float(scenario.age.maximum)
 
-    def reset(self, node_cell: npt.NDArray[np.int64]) -> State:
+    def reset(
+        self, node_cell: npt.NDArray[np.int64] | None = None, *, seed: int | None = None
+    ) -> State:
         """The first state of an episode of every environment.
 
         Args:
-            node_cell: (envs, nodes) codes of the nodes' cells, as drawn by
-                `placement.node_codes`.
+            node_cell: (envs, nodes) codes of the nodes' cells, as drawn by `node_codes`; None
+                draws them here, where the scenario leaves them to chance.
+            seed: of that draw: environment i has the layout of an environment reset by
+                `seed + i`. None takes the operating system's entropy.
 
         Raises:
-            InputError: it is something else. What lies on an accelerator, which would have to
-                stop for it, is not looked at.
+            InputError: they are something else, or both are given. What lies on an accelerator,
+                which would have to stop for it, is not looked at.
         """
+        if node_cell is None:
+            node_cell = self._drawn(seed)
+        elif seed is not None:
+            raise InputError("seed: node_cell says where the nodes lie; give one of the two")
         if not is_on_accelerator(node_cell):
             self._check_layout(node_cell)
         backend, xp, envs = self.backend, self.backend.xp, (self.num_envs,)
@@ -161,6 +171,14 @@ class World:
             **self.credit.first(self.num_envs),
             sums=backend.zeros((self.num_envs, len(self.summed))),
         )
+
+    def _drawn(self, seed: int | None) -> npt.NDArray[np.int64]:
+        if seed is None:
+            rngs = [np.random.default_rng() for _ in range(self.num_envs)]
+        else:
+            first = whole_argument("seed", seed, 0, MAX_SEED)
+            rngs = [np.random.default_rng(first + i) for i in range(self.num_envs)]
+        return node_codes(self.scenario, self.grid, rngs)
 
     def step(self, state: State, action: Array) -> tuple[State, Events]:
         """One slot of every environment.

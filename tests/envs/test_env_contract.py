@@ -10,7 +10,7 @@ from env_cases import CASES, SLOTS, STARTS, case_scenario, scenario
 from gymnasium import spaces
 
 from iout_marl import InputError, bundled_names, iout_v0, load_scenario
-from iout_marl.envs import AUVEnv, AUVParallelEnv
+from iout_marl.envs import AUVEnv, AUVParallelEnv, AUVVectorEnv
 from iout_marl.envs.episodes import INFO_KEYS
 
 #: Two AUVs at the only node, charging and hearing it: the first one gets its packet.
@@ -199,9 +199,22 @@ def test_infos_have_the_same_numeric_keys_from_reset_on(case):
 def test_infos_of_a_reset_tell_that_nothing_has_happened():
     _, infos = iout_v0.parallel_env(scenario("tdd", 3)).reset(seed=0)
     for info in infos.values():
-        assert info["mean_aoi"] == info["time_mean_aoi"] == 1
-        others = set(INFO_KEYS) - {"mean_aoi", "time_mean_aoi"}
+        ages = {"aoi_now", "mean_aoi", "time_mean_aoi"}
+        assert {name: info[name] for name in ages} == dict.fromkeys(ages, 1)
+        others = set(INFO_KEYS) - ages
         assert {name: info[name] for name in others} == dict.fromkeys(others, 0)
+
+
+def test_observation_ranges_are_those_of_each_environments_observations():
+    world = scenario("fdd", 3)
+    own = iout_v0.parallel_env(world).observation_ranges
+    assert own.scale.shape == iout_v0.parallel_env(world).observation_space("auv_0").shape
+    for env in (AUVEnv(world), AUVVectorEnv(world, 3)):
+        space = getattr(env, "single_observation_space", env.observation_space)
+        ranges = env.observation_ranges
+        assert ranges.scale.shape == ranges.low.shape == space.shape
+        assert (ranges.scale == np.tile(own.scale, 3)).all()
+        assert np.allclose(ranges.high, space.high, rtol=1e-6)
 
 
 @pytest.mark.parametrize("duplex", ["fdd", "tdd"])
@@ -217,7 +230,7 @@ def test_infos_follow_from_the_observations(duplex, auvs):
         total_j += sum(info["harvested_j"] for info in infos.values())
         deliveries += sum(info["delivered"] for info in infos.values())
         for info in infos.values():
-            assert info["mean_aoi"] == pytest.approx(mean_ages[-1])
+            assert info["aoi_now"] == info["mean_aoi"] == pytest.approx(mean_ages[-1])
             assert info["time_mean_aoi"] == pytest.approx(np.mean(mean_ages))
             assert info["peak_aoi"] == peak
             assert info["total_harvested_j"] == pytest.approx(total_j)

@@ -1,9 +1,11 @@
-"""The examples for libraries of the test environment learn, on a tiny scenario.
+"""The examples for libraries of the test environment learn, on a tiny scenario; others do what they
+say.
 
 Those for other libraries need environments of their own: `make integrations`.
 """
 
 import importlib.util
+import json
 from pathlib import Path
 
 import pytest
@@ -23,14 +25,19 @@ HARDER = {
 MARGIN = 0.25
 
 
-@pytest.fixture
-def example(request, tiny):
-    """The module of an example, and the scenario for it."""
-    path = EXAMPLES / f"train_{request.param}.py"
+def load_example(name):
+    """The module of an example."""
+    path = EXAMPLES / name
     spec = importlib.util.spec_from_file_location(path.stem, path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module, tiny(HARDER | SETTINGS)
+    return module
+
+
+@pytest.fixture
+def example(request, tiny):
+    """The module of an example that trains, and the scenario for it."""
+    return load_example(f"train_{request.param}.py"), tiny(HARDER | SETTINGS)
 
 
 def assert_learns(mean_aoi, parameters, learn):
@@ -65,3 +72,27 @@ def test_mappo_of_torchrls_parts_learns(example):
         mappo.loss.parameters(),
         lambda: mappo.learn(8_000),
     )
+
+
+def test_scaling_by_the_space_erases_energies_and_by_the_ranges_does_not(capsys):
+    spread = load_example("scaling.py").main("paper/k3-fdd")
+    assert spread["space"] < 0.01
+    assert 0.1 < spread["ranges"] < 10
+    assert "energies" in capsys.readouterr().out
+
+
+def test_policy_of_ones_own(iout):
+    """Evaluated in Python, played by hand, and named on the command line."""
+    path = EXAMPLES / "extending" / "policy.py"
+    found = load_example(path.relative_to(EXAMPLES)).main()
+    assert found["oldest-first"] < found["greedy"] - 1
+    assert found["oldest-first, by hand"] == pytest.approx(found["oldest-first"], rel=1e-12)
+    names = [f"{path}:{name}" for name in ("OldestFirst", "hear_the_oldest")]
+    words = [word for name in names for word in ("--policy", name)]
+    status, out, _ = iout("evaluate", "paper/k10-fdd", *words, "--episodes", 20, "--json", "-")
+    assert status == 0
+    means = [record["metrics"]["mean_aoi"]["mean"] for record in json.loads(out)]
+    assert means == [found["oldest-first"], found["function"]]
+    # The same policy moves several AUVs, and in TDD.
+    for scenario in ("multi/m3-k10-fdd", "paper/k3-tdd"):
+        assert iout("evaluate", scenario, *words[:2])[0] == 0

@@ -12,16 +12,15 @@ learning is not recorded, as the host decides when it ends.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from iout_marl.errors import InputError
-from iout_marl.scenario import Scenario, Training, load_scenario
+from iout_marl.scenario import AnyScenario, Overrides, Scenario, Training, load_scenario
 from iout_marl.world import pin_layout
 from trainers.adam import Adam, clipped
 from trainers.factory import make_network
@@ -45,13 +44,14 @@ class Trainer:
     to do with one another.
 
     Args:
-        scenario: the scenario, or whatever `load_scenario` takes; its `training` section has
+        scenario: whatever `load_scenario` takes; its `training` section has
             the settings. A layout that is drawn once for a run is drawn from the seed.
         seed: seeds weights, layouts, actions and minibatches; the i-th policy's is seed + i.
         device: where to train.
         replicas: how many policies.
         group: the processes that share the environments.
         use_graphs: record the work and replay it, where the device can.
+        overrides: changes of the scenario, as for `load_scenario`.
 
     Attributes:
         seeds: of each policy.
@@ -67,16 +67,16 @@ class Trainer:
     @enough_memory()
     def __init__(
         self,
-        scenario: str | Path | Mapping[str, Any] | Scenario,
+        scenario: AnyScenario,
         seed: int = 0,
         device: str | torch.device = "cpu",
         replicas: int = 1,
         group: Group | None = None,
         *,
         use_graphs: bool = True,
+        overrides: Overrides = None,
     ) -> None:
-        if not isinstance(scenario, Scenario):
-            scenario = load_scenario(scenario)
+        scenario = load_scenario(scenario, overrides)
         self.group = group or Group()
         self.seeds = range(seed, seed + replicas)
         self.scenarios = [pin_layout(scenario, each) for each in self.seeds]
@@ -391,7 +391,9 @@ class Trainer:
         world = self.simulation.world
         network = make_network(world.observer, world.action_sizes, self.settings).to(self.device)
         network.load_state_dict(self.weights(policy))
-        return TrainedPolicy(network, name, use_mask=self.settings.mask_actions)
+        return TrainedPolicy(
+            network, name, use_mask=self.settings.mask_actions, num_auvs=world.num_auvs
+        )
 
     def weights(self, policy: int = 0) -> dict[str, Tensor]:
         """The `state_dict` of one policy's networks."""

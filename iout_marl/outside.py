@@ -1,0 +1,125 @@
+"""Python code from outside, which a user names on the command line or in Python: never a file.
+
+Modules are looked for wherever Python looks, and last in the working folder: a folder in it with
+the name of a package, `trainers` say, does not stand in for that package.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import os
+import sys
+import traceback
+from contextlib import suppress
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from iout_marl.errors import InputError, did_you_mean
+
+#: What the names of Python files end in.
+_SUFFIX = ".py"
+
+
+def import_named(name: str) -> Any:
+    """What a name in a module or in a file stands for.
+
+    Args:
+        name: `MODULE:NAME` or `FILE.py:NAME`; of what is inside a class, `NAME.NAME`.
+
+    Raises:
+        InputError: there is no such module, file or name, or importing it has failed.
+    """
+    place, _, attribute = name.rpartition(":")
+    words = attribute.split(".")
+    if not place.strip() or not all(map(str.isidentifier, words)):
+        raise InputError(f"{name!r}: must be of the form MODULE:NAME or FILE.py:NAME")
+    found: Any = import_module(place)
+    origin = getattr(found, "__file__", None)
+    for word in words:
+        try:
+            found = getattr(found, word)
+        except AttributeError:
+            known = [each for each in dir(found) if not each.startswith("_")]
+            hint = did_you_mean(word, known, or_list=False)
+            of = f", which is {origin}," if origin and not place.endswith(_SUFFIX) else ""
+            raise InputError(f"{place}{of} has no {word!r}{hint}") from None
+    return found
+
+
+def import_module(name: str) -> ModuleType:
+    """A module by its name, or by the path of its file; each is run once.
+
+    Raises:
+        InputError: there is none, or running it has failed.
+    """
+    if name.endswith(_SUFFIX) or os.sep in name:
+        return _import_file(name)
+    _look_last_in(Path())
+    importlib.invalidate_caches()
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name is not None and (name == error.name or name.startswith(f"{error.name}.")):
+            raise InputError(f"there is no module {name!r}{_near_files(name)}") from None
+        raise InputError(_failure(name, error)) from None
+    except (Exception, SystemExit) as error:  # a module may do anything
+        raise InputError(_failure(name, error)) from None
+
+
+def _import_file(name: str) -> ModuleType:
+    path = Path(name).expanduser()
+    if not os.path.isfile(path):  # noqa: PTH113 (never raises)
+        is_folder = os.path.isdir(path)  # noqa: PTH112
+        raise InputError(f"{name}: is a folder" if is_folder else f"there is no file {name!r}")
+    path = path.resolve()
+    # What a file defines may ask for its module by name, as data classes do.
+    own_name = f"{path.stem}_{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}"
+    if own_name in sys.modules:
+        return sys.modules[own_name]
+    spec = importlib.util.spec_from_file_location(own_name, path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{name}: is no Python file: its name must end in {_SUFFIX}")
+    _look_last_in(path.parent)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[own_name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException as error:
+        del sys.modules[own_name]
+        if not isinstance(error, Exception | SystemExit):
+            raise
+        raise InputError(_failure(name, error)) from None
+    return module
+
+
+def _look_last_in(folder: Path) -> None:
+    """Let modules be looked for in a folder, after all else."""
+    with suppress(OSError):  # a working folder that is gone holds none
+        place = str(folder.resolve())
+        if place not in map(os.path.abspath, sys.path):
+            sys.path.append(place)
+
+
+def _near_files(name: str) -> str:
+    try:
+        near = [path.stem for path in Path().glob(f"*{_SUFFIX}")]
+    except OSError:
+        near = []
+    return did_you_mean(name, near, or_list=False)
+
+
+def _failure(name: str, error: BaseException) -> str:
+    """Where importing a module has failed, and why."""
+    if isinstance(error, SyntaxError):
+        return f"{name} cannot be imported: {error.filename}:{error.lineno}: {error.msg}"
+    frames = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename != __file__ and not frame.filename.startswith("<")
+    ]
+    frames = [frame for frame in frames if os.sep + "importlib" + os.sep not in frame.filename]
+    where = f"{frames[-1].filename}:{frames[-1].lineno}: " if frames else ""
+    return f"{name} cannot be imported: {where}{type(error).__name__}: {error}"

@@ -1,0 +1,31 @@
+"""The policies that need no training, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from iout_marl.errors import InputError, did_you_mean
+from iout_marl.policies.baselines import Greedy, RandomWalk, RoundRobin
+from iout_marl.policies.planned import PlannerPolicy, Tour
+from iout_marl.policies.predicting import BasePolicy
+
+#: The baselines by name, in the order in which tables list them.
+BASELINES: dict[str, Callable[[], BasePolicy]] = {
+    "random-walk": RandomWalk,
+    "round-robin": RoundRobin,
+    "greedy": Greedy,
+    "tour": Tour,
+}
+#: All that need no training: those, and one that takes its time for every layout.
+UNTRAINED: dict[str, Callable[[], BasePolicy]] = {**BASELINES, "planner": PlannerPolicy}
+
+
+def make_baseline(name: str) -> BasePolicy:
+    """The untrained policy of that name.
+
+    Raises:
+        InputError: no such policy.
+    """
+    if name not in UNTRAINED:
+        raise InputError(f"no policy {name!r}{did_you_mean(name, UNTRAINED)}")
+    return UNTRAINED[name]()
