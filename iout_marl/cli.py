@@ -21,12 +21,14 @@ from iout_marl.cli_bound import bound_command
 from iout_marl.cli_errors import reason_of
 from iout_marl.cli_options import (
     POLICY,
+    Imports,
     JsonFile,
     Overrides,
     ScenarioArgument,
     expanded,
     folder,
     give_out,
+    take,
     whole,
 )
 from iout_marl.cli_policies import evaluate_all, planner_budget
@@ -35,6 +37,7 @@ from iout_marl.cli_tables import SIDE_BY_SIDE, show_columns, show_spread
 from iout_marl.errors import InputError
 from iout_marl.evaluation import MAX_EPISODES
 from iout_marl.outlook import energy_outlook
+from iout_marl.outside import import_words
 from iout_marl.policies import BASELINES, UNTRAINED, USUAL
 from iout_marl.scenario import Scenario, bundled_names, load_scenario, to_yaml
 from iout_marl.terminal import (
@@ -97,8 +100,9 @@ def scenarios() -> None:
 
 
 @app.command()
-def show(scenario: ScenarioArgument, overrides: Overrides = None) -> None:
+def show(scenario: ScenarioArgument, overrides: Overrides = None, imports: Imports = None) -> None:
     """Print a whole scenario, after `extends`, preset and overrides, as YAML."""
+    take(imports)
     loaded = load_scenario(scenario, overrides or [])
     hashes = f"# hash {loaded.hash}, of the world alone {loaded.world_hash}"
     outlook = energy_outlook(loaded)
@@ -145,6 +149,7 @@ def train(
         ),
     ] = None,
     overrides: Overrides = None,
+    imports: Imports = None,
     *,
     graphs: Annotated[
         bool,
@@ -157,6 +162,7 @@ def train(
 
     Several processes train one policy by `torchrun --nproc-per-node N -m trainers.ppo SCENARIO …`.
     """
+    take(imports)
     settings = list(overrides or [])
     if steps is not None:
         settings.append(f"training.steps={steps}")
@@ -203,7 +209,7 @@ def _report(
     outcome: TrainingOutcome, run: Path, scenario: str, settings: list[str], *, graphs: bool
 ) -> None:
     if not outcome.finished:
-        words = ["iout", "train", scenario, "--resume", str(run)]
+        words = ["iout", "train", scenario, "--resume", str(run), *import_words()]
         words += [] if graphs else ["--no-graphs"]
         words += [word for setting in settings for word in ("--set", setting)]
         # The status says that it was stopped, even where nobody can be told so.
@@ -238,6 +244,7 @@ def _notes(outcome: TrainingOutcome, scenario: str, settings: list[str]) -> list
         margin = 0.0 if math.isnan(probable.margin) else probable.margin
         if difference > max(MUCH * min(sampled, probable.mean), margin):
             words = ["iout", "evaluate", scenario, "--policy", str(run.path), "--sampled"]
+            words += import_words()
             words += [word for setting in settings for word in ("--set", setting)]
             notes.append(
                 f"note: mean AoI was {sampled:.2f} with sampled actions at the end of the "
@@ -320,8 +327,10 @@ def evaluate_command(
         ),
     ] = False,
     overrides: Overrides = None,
+    imports: Imports = None,
 ) -> None:
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
+    take(imports)
     loaded = load_scenario(scenario, overrides or [])
     results, layouts = evaluate_all(
         loaded,

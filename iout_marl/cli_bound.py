@@ -10,11 +10,13 @@ from rich.text import Text
 
 from iout_marl.cli_options import (
     POLICY,
+    Imports,
     JsonFile,
     Overrides,
     ScenarioArgument,
     expanded,
     give_out,
+    take,
     whole,
 )
 from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
@@ -64,10 +66,12 @@ def bound_command(
     ] = None,
     json_file: JsonFile = None,
     overrides: Overrides = None,
+    imports: Imports = None,
 ) -> None:
     """Print a mean AoI that no policy can beat, checked, and how far policies are from it."""
     from iout_marl.bounds import bound
 
+    take(imports)
     names = [*STRONGEST, *(name for name in policy or [] if name not in STRONGEST)]
     loaded = with_layout_of_runs(load_scenario(scenario, overrides or []), names, transfer=False)
     if seed is not None:

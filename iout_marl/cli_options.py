@@ -10,7 +10,9 @@ from typing import Annotated, Any
 
 import typer
 
+from iout_marl.errors import InputError
 from iout_marl.files import to_json, write_text
+from iout_marl.outside import bring_in
 from iout_marl.terminal import present
 from iout_marl.whole import short, whole_number
 
@@ -84,6 +86,30 @@ Overrides = Annotated[
         "--set", metavar="KEY=VALUE", help="Change a key of the scenario; may be repeated."
     ),
 ]
+
+
+Imports = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--import",
+        metavar="MODULE|FILE.py",
+        parser=expanded,
+        help="Import parts and metrics of your own; may be repeated.",
+    ),
+]
+
+
+def take(imports: list[str] | None) -> None:
+    """Import what `--import` names.
+
+    Raises:
+        InputError: it cannot be imported.
+    """
+    for source in imports or []:
+        try:
+            bring_in(source)
+        except InputError as error:
+            raise InputError(f"--import: {error}") from None
 
 
 def give_out(record: Any, json_file: Path | None, show_tables: Callable[[], None]) -> None:

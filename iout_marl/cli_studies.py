@@ -10,9 +10,10 @@ from typing import Annotated
 import typer
 
 from iout_marl import machine
-from iout_marl.cli_options import Overrides, expanded, file, folder, whole
+from iout_marl.cli_options import Imports, Overrides, expanded, file, folder, take, whole
 from iout_marl.errors import InputError
 from iout_marl.files import write_atomically, write_text
+from iout_marl.outside import import_words
 from iout_marl.policies import load_policy
 from iout_marl.signals import Stopped, StopSignals
 from iout_marl.terminal import complain, present
@@ -60,6 +61,7 @@ def reproduce(
         ),
     ] = None,
     overrides: Overrides = None,
+    imports: Imports = None,
 ) -> None:
     """Run a study, by default the paper's, and write its report.
 
@@ -79,6 +81,7 @@ def reproduce(
             f"--jobs {jobs}: must be at most {most}: {PROCESSES_PER_CORE} processes for each of "
             f"the {machine.num_cores()} cores"
         )
+    take(imports)
     loaded, layer = load_study(study)
     outside = list(policy or [])
     cells = expand(loaded, layer, overrides or [], outside, quick=quick)
@@ -92,6 +95,7 @@ def reproduce(
     folder = StudyFolder(out or usual)
     words = ["iout", "reproduce", *(["--study", study] if study != "paper" else [])]
     words += ["--quick"] if quick else []
+    words += import_words()
     words += [word for name in outside for word in ("--policy", name)]
     words += [word for setting in overrides or [] for word in ("--set", setting)]
     where = [] if scheduler is None else ["--scheduler", scheduler]

@@ -12,7 +12,10 @@ import importlib.util
 import os
 import sys
 import traceback
+import warnings
 from contextlib import suppress
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -21,6 +24,55 @@ from iout_marl.errors import InputError, did_you_mean
 
 #: What the names of Python files end in.
 _SUFFIX = ".py"
+#: The entry point by which an installed package brings parts: the name of a module.
+ENTRY_POINT = "iout_marl.parts"
+#: What was brought in, as others can be told to import it too: by the name of its module.
+_brought: dict[str, str] = {}
+
+
+def bring_in(*sources: str) -> None:
+    """Import modules for the parts and metrics that they register.
+
+    Args:
+        sources: names of modules, or paths of files.
+
+    Raises:
+        InputError: as `import_module`.
+    """
+    for source in sources:
+        module = import_module(source)
+        is_file = source.endswith(_SUFFIX) or os.sep in source
+        _brought[module.__name__] = str(Path(source).expanduser().resolve()) if is_file else source
+
+
+def brought_in() -> tuple[str, ...]:
+    """What was brought in: what other processes of the same work have to import."""
+    return tuple(_brought.values())
+
+
+def import_words() -> list[str]:
+    """`--import` and the name, of all that was brought in."""
+    return [word for source in brought_in() for word in ("--import", source)]
+
+
+def source_of(module: str) -> str:
+    """What to import for a module's parts: its name, or the path of its file."""
+    return _brought.get(module, module)
+
+
+@cache
+def load_entry_points() -> None:
+    """Import what installed packages bring, once; what fails is said in a warning."""
+    for point in metadata.entry_points(group=ENTRY_POINT):
+        try:
+            importlib.import_module(point.module)
+        except Exception as error:  # a package may do anything
+            whose = f"{point.dist.name}: " if point.dist else ""
+            warnings.warn(
+                f"{whose}entry point {ENTRY_POINT}: {_failure(point.module, error)}",
+                RuntimeWarning,
+                stacklevel=2,
+            )
 
 
 def import_named(name: str) -> Any:

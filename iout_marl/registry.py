@@ -46,6 +46,11 @@ class Entry(Generic[Item]):
     version: int | str | None
     module: str
 
+    @property
+    def is_outside(self) -> bool:
+        """Whether it does not come with this package."""
+        return self.version is not None
+
 
 class Registry(Generic[Item]):
     """The entries of one role.

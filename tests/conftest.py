@@ -1,13 +1,15 @@
 """Fixtures of all tests: one thread, a scenario that is small in every respect, `iout`."""
 
 import signal
+import sys
 
 import pytest
 import torch
 from tiny_study import TINY
 
-from iout_marl import load_scenario, metrics
+from iout_marl import load_scenario, metrics, outside
 from iout_marl.cli import main
+from iout_marl.registry import registries
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -45,6 +47,22 @@ def forgotten_metrics():
     for metric in metrics.registered():
         if not metric.is_builtin:
             metrics.unregister(metric.name)
+
+
+@pytest.fixture
+def forgotten_parts(monkeypatch):
+    """For a test that registers parts or imports them: they are forgotten after it."""
+    monkeypatch.setattr(outside, "_brought", {})
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    kinds = {registry: set(registry.kinds) for registry in registries()}
+    modules = set(sys.modules)
+    yield
+    for registry, known in kinds.items():
+        for kind in set(registry.kinds) - known:
+            registry.unregister(kind)
+    for name in set(sys.modules) - modules:
+        if name.partition(".")[0] not in ("iout_marl", "trainers", "torch"):
+            del sys.modules[name]
 
 
 @pytest.fixture

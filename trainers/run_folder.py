@@ -29,7 +29,10 @@ import torch
 
 from iout_marl.errors import InputError
 from iout_marl.files import parse_json, reason, to_json, user_path
+from iout_marl.outside import load_entry_points, source_of
+from iout_marl.registry import registry_of
 from iout_marl.scenario import Scenario, parse_scenario
+from iout_marl.scenario.parts import outside_parts
 from iout_marl.world import WORLD_VERSION, World
 from trainers import saving
 from trainers.checking import check_like
@@ -132,6 +135,17 @@ class RunFolder:
             "activation": trainer.settings.activation,
             "mask_actions": trainer.settings.mask_actions,
         }
+        outside = [
+            {
+                "role": entry.role,
+                "kind": entry.kind,
+                "version": entry.version,
+                "import": source_of(entry.module),
+            }
+            for entry in outside_parts(scenario)
+        ]
+        if outside:
+            shape["parts"] = outside
         return {
             "policy.safetensors": safetensors.torch.save(weights),
             "policy.json": (to_json(shape, indent=2) + "\n").encode(),
@@ -209,10 +223,33 @@ class RunFolder:
 
     def _scenario(self, files: dict[str, bytes]) -> Scenario:
         if "scenario.yaml" in files:
+            self._check_parts(files)
             return parse_scenario(self.path / "scenario.yaml", files["scenario.yaml"])
         if not files and any(self.path.glob("events.out.tfevents.*")):
             raise InputError(f"{self.path}: nothing has been saved in it yet; start anew by --out")
         raise InputError(f"{self.path}: holds no run: there is no scenario.yaml in it")
+
+    def _check_parts(self, files: dict[str, bytes]) -> None:
+        """See that the parts from outside with which it was trained are there.
+
+        Raises:
+            InputError: one is missing, or of another version.
+        """
+        if b'"parts"' not in files.get("policy.json", b""):
+            return
+        path = self.path / "policy.json"
+        with readable(path):
+            parts = parse_json(files["policy.json"].decode()).get("parts")
+            stated = [(p["role"], p["kind"], p["version"], str(p["import"])) for p in parts]
+            known = [registry_of(role) for role, *_ in stated]
+        load_entry_points()
+        for registry, (role, kind, version, source) in zip(known, stated, strict=True):
+            what = f"{self.path}: was trained with {role} {kind!r} of version {version!r}"
+            if kind not in registry:
+                name = source if source != "__main__" else "the file that registers it"
+                raise InputError(f"{what}, which is not registered: give --import {name}")
+            if (own := registry[kind].version) != version:
+                raise InputError(f"{what}; the one registered here is of version {own!r}")
 
     def _shape(self, files: dict[str, bytes]) -> dict[str, Any]:
         path = self.path / "policy.json"

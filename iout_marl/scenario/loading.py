@@ -14,6 +14,7 @@ from ruamel.yaml.comments import CommentedSeq
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from iout_marl.errors import InputError
+from iout_marl.outside import load_entry_points
 from iout_marl.scenario.keys import unknown_keys
 from iout_marl.scenario.layers import (
     Layer,
@@ -103,6 +104,7 @@ def validate(model: type[Model], layer: Layer) -> Model:
     Raises:
         InputError: one line with file, line, key and what was meant.
     """
+    load_entry_points()
     unknown = describe_unknown(model, unknown_keys((model,), layer.data), layer)
     if unknown:
         raise InputError(unknown)

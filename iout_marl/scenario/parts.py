@@ -6,14 +6,16 @@ as the kind alone.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from pydantic import GetCoreSchemaHandler, create_model
+from pydantic import BaseModel, GetCoreSchemaHandler, SerializationInfo, create_model
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
+from iout_marl.outside import bring_in, brought_in, source_of
 from iout_marl.registry import Entry, registries, registry_of
 from iout_marl.scenario.fields import Section
 
@@ -41,7 +43,8 @@ class Settings(Section):
 
     def __reduce__(self) -> tuple[Any, ...]:
         entry = self.entry
-        return settings_of, (entry.role, self.model_dump(round_trip=True))
+        sources = (*brought_in(), source_of(entry.module)) if entry.is_outside else ()
+        return _unpickled, (entry.role, self.model_dump(round_trip=True), sources)
 
 
 @cache
@@ -73,6 +76,27 @@ def settings_of(role: str, data: dict[str, Any]) -> Settings:
     return settings_model(registry_of(role)[data["kind"]]).model_validate(data)
 
 
+def _unpickled(role: str, data: dict[str, Any], sources: tuple[str, ...]) -> Settings:
+    """Settings from another process, whose parts from outside may not be here yet."""
+    for source in sources:
+        if data["kind"] not in registry_of(role) and source != "__main__":
+            bring_in(source)
+    return settings_of(role, data)
+
+
+def outside_parts(section: BaseModel) -> Iterator[Entry[Any]]:
+    """What of a scenario comes from outside, each once."""
+    found: dict[Entry[Any], None] = {}
+    for name in type(section).model_fields:
+        value = getattr(section, name)
+        for inner in value if isinstance(value, tuple) else (value,):
+            if isinstance(inner, Settings) and inner.entry.is_outside:
+                found[inner.entry] = None
+            if isinstance(inner, BaseModel):
+                found |= dict.fromkeys(outside_parts(inner))
+    yield from found
+
+
 @dataclass(frozen=True)
 class PartOf:
     """Annotates a field that holds the settings of a part.
@@ -93,24 +117,30 @@ class PartOf:
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         choices = {model.entry.kind: handler.generate_schema(model) for model in self.models()}
-        union = core_schema.tagged_union_schema(choices, "kind", from_attributes=True)
-        if not self.is_word:
-            return union
-        return core_schema.no_info_before_validator_function(
-            _from_word,
-            union,
-            serialization=core_schema.wrap_serializer_function_ser_schema(
-                _to_word, schema=union, when_used="always"
+        # Written by what it is, though its kind may have been registered anew meanwhile.
+        union = core_schema.tagged_union_schema(
+            choices,
+            "kind",
+            from_attributes=True,
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                _to_word if self.is_word else _to_mapping, info_arg=True
             ),
         )
+        if not self.is_word:
+            return union
+        return core_schema.no_info_before_validator_function(_from_word, union)
 
 
 def _from_word(value: Any) -> Any:
     return {"kind": value} if isinstance(value, str) else value
 
 
-def _to_word(value: Settings, serialize: Any) -> Any:
-    return value.kind if len(type(value).model_fields) == 1 else serialize(value)
+def _to_mapping(value: Settings, info: SerializationInfo) -> Any:
+    return value.model_dump(mode=info.mode)
+
+
+def _to_word(value: Settings, info: SerializationInfo) -> Any:
+    return value.kind if len(type(value).model_fields) == 1 else _to_mapping(value, info)
 
 
 def part_of(field: FieldInfo) -> PartOf | None:

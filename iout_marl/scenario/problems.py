@@ -83,7 +83,7 @@ def describe(problem: ErrorDetails, layer: Layer) -> str:
         path, message = (*path, "kind"), "is missing"
     elif kind == "union_tag_invalid":
         tags = [tag.strip(" '") for tag in context["expected_tags"].split(",")]
-        path = (*path, "kind") if isinstance(given, dict) else path
+        path = path if isinstance(_at(layer.data, path), str) else (*path, "kind")
         message = unknown_kind(str(context["tag"]), tags)
     elif kind == "literal_error":
         choices = [c.strip(" '") for c in context["expected"].replace(" or ", ",").split(",")]
@@ -143,6 +143,16 @@ def _what_was_meant(kind: str, given: Any) -> str:
             return "; write the number alone: its unit is in the key" if is_measure else ""
         return f"; write it without quotes: {shorten(number)}"
     return ""
+
+
+def _at(data: Any, path: KeyPath) -> Any:
+    """What stands at a path; None where nothing does."""
+    for key in path:
+        if isinstance(data, list) and isinstance(key, int) and key < len(data):
+            data = data[key]
+        else:
+            data = data.get(key) if isinstance(data, dict) else None
+    return data
 
 
 def _without_tags(location: tuple[str | int, ...], data: Any) -> KeyPath:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from iout_marl.errors import InputError
+from iout_marl.outside import brought_in
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.scenario.layers import Layer, overrides_layer
 from iout_marl.scenario.presets import names_preset
@@ -45,6 +46,7 @@ class Cell:
         bound_seconds: how long a bound is searched for; None for others.
         variant: the name of its variant; may be empty.
         place: its values of the grid and of the axis, `key=value` each.
+        imports: what brings its parts and metrics from outside.
     """
 
     group: str
@@ -58,6 +60,7 @@ class Cell:
     bound_seconds: float | None = None
     variant: str = ""
     place: tuple[str, ...] = ()
+    imports: tuple[str, ...] = ()
 
     @property
     def trains(self) -> bool:
@@ -186,6 +189,7 @@ def _expand_group(
                 bound_seconds=seconds if policy == BOUND else None,
                 variant=variant,
                 place=tuple(place),
+                imports=brought_in(),
             )
 
 

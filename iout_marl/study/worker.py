@@ -13,6 +13,7 @@ from iout_marl.episode import record_episode
 from iout_marl.errors import InputError
 from iout_marl.evaluation import evaluate
 from iout_marl.files import LOCK_NAME, to_json
+from iout_marl.outside import bring_in
 from iout_marl.policies import Budget, PlannerPolicy
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.study.cells import Cell
@@ -42,6 +43,7 @@ class Output:
 
 def run_cell(cell: Cell, carbon_g_per_kwh: float) -> Output:
     """Run a cell on one thread, and touch nothing but a temporary folder."""
+    bring_in(*cell.imports)
     if cell.trains:
         return _train(cell, carbon_g_per_kwh)
     scenario = pin_layout(cell.scenario, cell.seed)
