@@ -163,9 +163,13 @@ def locked(folder: Path, refusal: str, patience_s: float = 0.0) -> Iterator[None
         patience_s: how long to wait for it.
 
     Raises:
-        InputError: another process has it, or the lock cannot be written.
+        InputError: another process has it, the lock cannot be written, or is none of ours.
     """
-    lock = FileLock(folder / LOCK_NAME, timeout=patience_s)
+    path = folder / LOCK_NAME
+    # Ours are empty. Whoever takes it empties it.
+    if read_if_there(path):
+        raise InputError(f"{path}: is of another program: it is not empty")
+    lock = FileLock(path, timeout=patience_s)
     try:
         lock.acquire()
     except Timeout:

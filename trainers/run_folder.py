@@ -9,6 +9,7 @@
 | `run.json` | which contents of the files above belong together, see `trainers.saving` |
 | `metrics.jsonl` | a line for every iteration |
 | `events.out.tfevents.*` | the same for TensorBoard |
+| `run.json.begun` | until the first save: that the logs are a run's, see `trainers.beginning` |
 | `.lock` | keeps a second training out |
 """
 
@@ -31,7 +32,7 @@ from iout_marl.errors import InputError
 from iout_marl.files import parse_json, reason, to_json, user_path
 from iout_marl.scenario import Scenario, parse_scenario
 from iout_marl.world import WORLD_VERSION, World
-from trainers import saving
+from trainers import beginning, saving
 from trainers.checking import check_like
 from trainers.factory import make_network
 from trainers.networks import ActorCritic
@@ -40,6 +41,8 @@ from trainers.trained import TrainedPolicy
 
 #: Changes whenever older files can no longer be read.
 FORMAT = 2
+#: Patterns of the files that a run writes beside its saves.
+LOGS = ("metrics.jsonl", "metrics.jsonl.part", "events.out.tfevents.*")
 #: What `policy.json` must say to be of use, and in which type.
 _SHAPE = {"world_hash": str, "source_world_hash": str, "mask_actions": bool}
 
@@ -83,17 +86,21 @@ class RunFolder:
                 "or name another folder by --out"
             )
 
+    def refuse_what_is_no_runs(self) -> None:
+        """Leave files alone that a new run would write over, and that no run has left.
+
+        Raises:
+            InputError: there is one, or the folder cannot be read.
+        """
+        beginning.refuse_what_is_no_runs(self.path / saving.MANIFEST, LOGS)
+
     def create(self) -> None:
-        """Make the folder ready for a new run, once `refuse_if_used` has found none.
+        """Make the folder ready for a new run, once nothing that is there was refused.
 
         Raises:
             InputError: it cannot be made.
         """
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            saving.clear(self.path, [self.metrics_path, *self.path.glob("events.out.tfevents.*")])
-        except OSError as error:
-            raise InputError(f"{self.path}: cannot be made: {reason(error)}") from None
+        beginning.begin(self.path / saving.MANIFEST, LOGS)
 
     def saved_files(
         self, trainer: Trainer, state: dict[str, Any], source: Scenario, policy: int = 0
@@ -208,7 +215,7 @@ class RunFolder:
     def _scenario(self, files: dict[str, bytes]) -> Scenario:
         if "scenario.yaml" in files:
             return parse_scenario(self.path / "scenario.yaml", files["scenario.yaml"])
-        if not files and any(self.path.glob("events.out.tfevents.*")):
+        if not files and saving.begun(self.path / saving.MANIFEST).exists():
             raise InputError(f"{self.path}: nothing has been saved in it yet; start anew by --out")
         raise InputError(f"{self.path}: holds no run: there is no scenario.yaml in it")
 
