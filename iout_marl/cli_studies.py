@@ -14,7 +14,7 @@ from iout_marl.cli_options import Overrides, expanded, file, folder, whole
 from iout_marl.errors import InputError
 from iout_marl.files import write_atomically, write_text
 from iout_marl.signals import Stopped, StopSignals
-from iout_marl.terminal import complain, present
+from iout_marl.terminal import complain, imports_uninterrupted, present
 
 #: More than that only slow one another, and fill the memory.
 PROCESSES_PER_CORE = 8
@@ -55,12 +55,13 @@ def reproduce(
 
     What is finished stays: the same command goes on with a study that was stopped.
     """
-    from iout_marl.study.cells import expand
-    from iout_marl.study.cluster import DaskCluster, LostClusterError
-    from iout_marl.study.fields import show
-    from iout_marl.study.pools import LocalProcesses
-    from iout_marl.study.run import StudyFolder, run_study
-    from iout_marl.study.schema import load_study
+    with imports_uninterrupted():
+        from iout_marl.study.cells import expand
+        from iout_marl.study.cluster import DaskCluster, LostClusterError
+        from iout_marl.study.fields import show
+        from iout_marl.study.pools import LocalProcesses
+        from iout_marl.study.run import StudyFolder, run_study
+        from iout_marl.study.schema import load_study
 
     if jobs is not None and scheduler is not None:
         raise InputError("--jobs and --scheduler: a cluster has its own number of workers")
