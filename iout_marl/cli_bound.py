@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from iout_marl.cli_options import JsonFile, Overrides, ScenarioArgument, expanded, give_out, whole
-from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
+from iout_marl.cli_policies import evaluate_named, keep_inputs, with_layout_of_runs
 from iout_marl.evaluation import Evaluation
 from iout_marl.scenario import RandomNodes, load_scenario
 from iout_marl.terminal import present
@@ -61,7 +61,9 @@ def bound_command(
     from iout_marl.bounds import bound
 
     names = [*STRONGEST, *(name for name in policy or [] if name not in STRONGEST)]
-    loaded = with_layout_of_runs(load_scenario(scenario, overrides or []), names, transfer=False)
+    asked = load_scenario(scenario, overrides or [])
+    keep_inputs(json_file, names)
+    loaded = with_layout_of_runs(asked, names, transfer=False)
     if seed is not None:
         loaded = pin_layout(loaded, seed)
     episodes = RANDOM_EPISODES if isinstance(loaded.nodes, RandomNodes) else 1

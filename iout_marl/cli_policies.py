@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.evaluation import Evaluation, evaluate
+from iout_marl.files import refuse_input
 from iout_marl.policies import UNTRAINED, USUAL, Budget, PlannerPolicy, Policy, make_baseline
 from iout_marl.scenario import Scenario
 from iout_marl.words import listed
@@ -22,6 +23,32 @@ _NAMED_RUNS = 8
 
 if TYPE_CHECKING:
     from trainers import RunFolder
+
+
+def keep_inputs(target: Path | None, policies: list[str]) -> None:
+    """Refuse to write over what the command reads, before it takes its time.
+
+    Args:
+        target: where it writes its results, if at all.
+        policies: names of policies, or the folders of runs.
+
+    Raises:
+        InputError: the target has been read, or is one of the files of such a run.
+    """
+    if target is None:
+        return
+    refuse_input(target)
+    place = target.resolve()
+    for folder in policies:
+        if (
+            folder not in UNTRAINED
+            and _is_folder(folder)
+            and place.parent == Path(folder).resolve()
+        ):
+            from trainers.run_folder import is_of_a_run
+
+            if is_of_a_run(place.name):
+                raise InputError(f"{target}: cannot be written: it is a file of the run {folder}")
 
 
 def with_layout_of_runs(scenario: Scenario, names: list[str], *, transfer: bool) -> Scenario:

@@ -12,7 +12,7 @@ import typer
 from iout_marl import machine
 from iout_marl.cli_options import Overrides, expanded, file, folder, whole
 from iout_marl.errors import InputError
-from iout_marl.files import write_atomically, write_text
+from iout_marl.files import write_text
 from iout_marl.signals import Stopped, StopSignals
 from iout_marl.terminal import complain, imports_uninterrupted, present
 
@@ -128,9 +128,19 @@ def report(
     if not folder.is_dir():
         what = "is a file, not a folder" if folder.exists() else "no such folder"
         raise InputError(f"{folder}: {what}")
+    if markdown is not None and _is_of_a_study(folder, markdown):
+        raise InputError(f"{markdown}: cannot be written: it is a file of the study in {folder}")
     if not (folder / "results.json").exists():
         raise InputError(f"{folder}: holds no results.json{_why_no_results(folder)}")
     present("\n".join(_written(folder, markdown)))
+
+
+def _is_of_a_study(folder: Path, target: Path) -> bool:
+    """Whether a file is one that a study keeps, or that its report has beside the Markdown."""
+    from iout_marl.study.run import OWN
+
+    place, top = target.resolve(), folder.resolve()
+    return place.is_relative_to(top) and place.relative_to(top).parts[0] in OWN
 
 
 def _why_no_results(folder: Path) -> str:
@@ -165,10 +175,7 @@ def _written(folder: Path, markdown: Path | None = None, *, kept: bool = False) 
         write_report(built, folder)
         figures = Path(os.path.relpath(folder / "figures", text.parent)).as_posix()
         rendered = render_markdown(built, figures)
-        if text.exists() and not text.is_file():  # a pipe, a device
-            write_text(text, rendered.rstrip("\n"))
-        else:
-            write_atomically(text, rendered.encode())
+        write_text(text, rendered.rstrip("\n"))
     except InputError as error:
         once_more = shlex.join(["iout", "report", str(folder)])
         told = f"; the results are kept, write their report with: {once_more}" if kept else ""

@@ -21,6 +21,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ import safetensors.torch
 import torch
 
 from iout_marl.errors import InputError
-from iout_marl.files import parse_json, reason, to_json, user_path
+from iout_marl.files import LOCK_NAME, parse_json, reason, to_json, user_path
 from iout_marl.scenario import Scenario, parse_scenario
 from iout_marl.world import WORLD_VERSION, World
 from trainers import beginning, saving
@@ -230,6 +231,12 @@ class RunFolder:
             if not isinstance(shape.get(key), kind):
                 raise InputError(f"{path}: cannot be read: lacks {key!r}, or it is no {kind}")
         return shape
+
+
+def is_of_a_run(name: str) -> bool:
+    """Whether a file of this name in a run's folder is the run's."""
+    own = (*saving.NAMES, saving.MANIFEST, *LOGS, LOCK_NAME)
+    return any(fnmatchcase(name, pattern) for pattern in own)
 
 
 @contextmanager
