@@ -117,5 +117,5 @@ def resumed(
 
 
 def is_complete(runs: Sequence[RunFolder], trainer: Trainer) -> bool:
-    """Whether resumed runs have all steps that are asked for, and their results."""
-    return trainer.finished and all(run.result() is not None for run in runs)
+    """Whether resumed runs have all steps that are asked for, and all of their files."""
+    return trainer.finished and not any(map(RunFolder.missing, runs))

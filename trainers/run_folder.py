@@ -158,6 +158,10 @@ class RunFolder:
         """`result.json`; None where the training is not finished."""
         return self._files().get("result.json")
 
+    def missing(self) -> list[str]:
+        """Names of the files of a finished training that are not there."""
+        return sorted(set(saving.NAMES) - self._files().keys())
+
     def load_checkpoint(self) -> dict[str, Any]:
         """The trainer's `state_dict` from the checkpoint, on the CPU; not checked any further.
 

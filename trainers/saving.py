@@ -87,12 +87,13 @@ class Manifest:
         except ValueError as error:
             raise InputError(f"{path}: cannot be read: damaged, it is no JSON ({error})") from None
         version = read.get("format") if isinstance(read, dict) else None
-        if type(version) is not int or not _is_manifest(read, names):
-            raise InputError(f"{path}: cannot be read: damaged, it is no manifest of a run")
-        if version != FORMAT:
+        # Of another version nothing else is known.
+        if type(version) is int and version != FORMAT:
             raise InputError(
                 f"{path}: is of another version of this software: format {version}, not {FORMAT}"
             )
+        if type(version) is not int or not _is_manifest(read, names):
+            raise InputError(f"{path}: cannot be read: damaged, it is no manifest of a run")
         return cls(read["files"], read["in_group"])
 
 
