@@ -31,11 +31,12 @@ from iout_marl.cli_options import (
     take,
     whole,
 )
-from iout_marl.cli_policies import evaluate_all, planner_budget
+from iout_marl.cli_policies import evaluate_all, keep_inputs, planner_budget
 from iout_marl.cli_studies import report, reproduce
 from iout_marl.cli_tables import SIDE_BY_SIDE, show_columns, show_spread
 from iout_marl.errors import InputError
 from iout_marl.evaluation import MAX_EPISODES
+from iout_marl.files import inputs_noted
 from iout_marl.outlook import energy_outlook
 from iout_marl.outside import import_words
 from iout_marl.policies import BASELINES, UNTRAINED, USUAL
@@ -332,6 +333,7 @@ def evaluate_command(
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
     take(imports)
     loaded = load_scenario(scenario, overrides or [])
+    keep_inputs(json_file, [*(policy or []), *(planner_start or [])])
     results, layouts = evaluate_all(
         loaded,
         policy or list(BASELINES),
@@ -386,7 +388,7 @@ def _run(arguments: list[str]) -> tuple[int, str]:
         startup.stop_guarding()
         prepare_streams()
         # What is too large to compute with, the results say: a warning would say it elsewhere.
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), inputs_noted():
             command = typer.main.get_command(app)
             with command.make_context("iout", list(arguments) or ["--help"]) as context:
                 command.invoke(context)

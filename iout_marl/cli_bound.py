@@ -19,7 +19,7 @@ from iout_marl.cli_options import (
     take,
     whole,
 )
-from iout_marl.cli_policies import evaluate_named, with_layout_of_runs
+from iout_marl.cli_policies import evaluate_named, keep_inputs, with_layout_of_runs
 from iout_marl.evaluation import Evaluation
 from iout_marl.scenario import load_scenario
 from iout_marl.terminal import present
@@ -73,7 +73,9 @@ def bound_command(
 
     take(imports)
     names = [*STRONGEST, *(name for name in policy or [] if name not in STRONGEST)]
-    loaded = with_layout_of_runs(load_scenario(scenario, overrides or []), names, transfer=False)
+    asked = load_scenario(scenario, overrides or [])
+    keep_inputs(json_file, names)
+    loaded = with_layout_of_runs(asked, names, transfer=False)
     if seed is not None:
         loaded = pin_layout(loaded, seed)
     episodes = 1 if loaded.nodes.part.redraws == "never" else RANDOM_EPISODES

@@ -6,20 +6,10 @@ from typing import cast
 
 import typer
 
-from iout_marl.errors import InputError, printable
+from iout_marl.errors import InputError, is_lack_of_memory, printable
 
 #: What Typer raises for a command line that it cannot read.
 UsageError = cast("type[Exception]", typer.BadParameter.__base__)
-#: How NumPy and torch say that an array has no room, in errors that have no class of their own.
-_NO_ROOM = (
-    "array is too big",
-    "Maximum allowed",
-    "can't allocate memory",
-    "not enough memory",
-    "out of memory",
-    "Storage size calculation overflowed",
-    "numel: integer multiplication overflow",
-)
 
 
 def reason_of(error: Exception) -> str | None:
@@ -31,7 +21,7 @@ def reason_of(error: Exception) -> str | None:
         return printable(f"{said} (see: iout --help)")
     if isinstance(error, OSError):
         return printable(f"{error.filename or 'input or output'}: {error.strerror or error}")
-    if isinstance(error, MemoryError) or any(word in str(error) for word in _NO_ROOM):
+    if is_lack_of_memory(error):
         return "not enough memory"
     if isinstance(error, RecursionError):
         return "something in the input is nested too deeply"

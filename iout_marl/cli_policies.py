@@ -6,10 +6,33 @@ from pathlib import Path
 
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
+from iout_marl.files import refuse_input
 from iout_marl.policies import USUAL, Budget, PlannerPolicy, Policy
 from iout_marl.policies.loading import is_run, load_run, members, named_policy
 from iout_marl.scenario import Scenario
 from iout_marl.words import listed
+
+
+def keep_inputs(target: Path | None, policies: list[str]) -> None:
+    """Refuse to write over what the command reads, before it takes its time.
+
+    Args:
+        target: where it writes its results, if at all.
+        policies: names of policies, or the folders of runs.
+
+    Raises:
+        InputError: the target has been read, or is one of the files of such a run.
+    """
+    if target is None:
+        return
+    refuse_input(target)
+    place = target.resolve()
+    for folder in policies:
+        if is_run(folder) and place.parent == Path(folder).resolve():
+            from trainers.run_folder import is_of_a_run
+
+            if is_of_a_run(place.name):
+                raise InputError(f"{target}: cannot be written: it is a file of the run {folder}")
 
 
 def with_layout_of_runs(scenario: Scenario, names: list[str], *, transfer: bool) -> Scenario:

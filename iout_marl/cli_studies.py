@@ -12,11 +12,11 @@ import typer
 from iout_marl import machine
 from iout_marl.cli_options import Imports, Overrides, expanded, file, folder, take, whole
 from iout_marl.errors import InputError
-from iout_marl.files import write_atomically, write_text
+from iout_marl.files import write_text
 from iout_marl.outside import import_words
 from iout_marl.policies import load_policy
 from iout_marl.signals import Stopped, StopSignals
-from iout_marl.terminal import complain, present
+from iout_marl.terminal import complain, imports_uninterrupted, present
 
 #: More than that only slow one another, and fill the memory.
 PROCESSES_PER_CORE = 8
@@ -67,12 +67,13 @@ def reproduce(
 
     What is finished stays: the same command goes on with a study that was stopped.
     """
-    from iout_marl.study.cells import expand
-    from iout_marl.study.cluster import DaskCluster, LostClusterError
-    from iout_marl.study.fields import show
-    from iout_marl.study.pools import LocalProcesses
-    from iout_marl.study.run import StudyFolder, run_study
-    from iout_marl.study.schema import load_study
+    with imports_uninterrupted():
+        from iout_marl.study.cells import expand
+        from iout_marl.study.cluster import DaskCluster, LostClusterError
+        from iout_marl.study.fields import show
+        from iout_marl.study.pools import LocalProcesses
+        from iout_marl.study.run import StudyFolder, run_study
+        from iout_marl.study.schema import load_study
 
     if jobs is not None and scheduler is not None:
         raise InputError("--jobs and --scheduler: a cluster has its own number of workers")
@@ -148,9 +149,19 @@ def report(
     if not folder.is_dir():
         what = "is a file, not a folder" if folder.exists() else "no such folder"
         raise InputError(f"{folder}: {what}")
+    if markdown is not None and _is_of_a_study(folder, markdown):
+        raise InputError(f"{markdown}: cannot be written: it is a file of the study in {folder}")
     if not (folder / "results.json").exists():
         raise InputError(f"{folder}: holds no results.json{_why_no_results(folder)}")
     present("\n".join(_written(folder, markdown)))
+
+
+def _is_of_a_study(folder: Path, target: Path) -> bool:
+    """Whether a file is one that a study keeps, or that its report has beside the Markdown."""
+    from iout_marl.study.run import OWN
+
+    place, top = target.resolve(), folder.resolve()
+    return place.is_relative_to(top) and place.relative_to(top).parts[0] in OWN
 
 
 def _why_no_results(folder: Path) -> str:
@@ -185,10 +196,7 @@ def _written(folder: Path, markdown: Path | None = None, *, kept: bool = False) 
         write_report(built, folder)
         figures = Path(os.path.relpath(folder / "figures", text.parent)).as_posix()
         rendered = render_markdown(built, figures)
-        if text.exists() and not text.is_file():  # a pipe, a device
-            write_text(text, rendered.rstrip("\n"))
-        else:
-            write_atomically(text, rendered.encode())
+        write_text(text, rendered.rstrip("\n"))
     except InputError as error:
         once_more = shlex.join(["iout", "report", str(folder)])
         told = f"; the results are kept, write their report with: {once_more}" if kept else ""

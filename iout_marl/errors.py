@@ -5,6 +5,20 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+#: Parts of what libraries say where they find no memory, or where no memory could ever do, in
+#: errors that have no class of their own.
+_NO_MEMORY = (
+    "can't allocate memory",
+    "not enough memory",
+    "out of memory",
+    "Storage size calculation overflowed",
+    "array is too big",
+    "Maximum allowed dimension exceeded",
+    "Maximum allowed size exceeded",
+    "negative dimension",
+    "numel: integer multiplication overflow",
+    "exceeds the maximum size",
+)
 #: Longer messages lose their middle.
 MAX_MESSAGE = 1500
 
@@ -18,6 +32,11 @@ class InputError(ValueError):
     def __init__(self, message: str) -> None:
         # Keys and values of the user's may hold line breaks, and be of any length.
         super().__init__(_without_middle(printable(_without_middle(message))))
+
+
+def is_lack_of_memory(error: BaseException) -> bool:
+    """Whether an error, of Python or of a library, says that there is too little memory."""
+    return isinstance(error, MemoryError) or any(sign in str(error) for sign in _NO_MEMORY)
 
 
 def printable(text: str) -> str:

@@ -7,6 +7,7 @@ import os
 import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -14,6 +15,8 @@ from filelock import FileLock, Timeout
 
 from iout_marl.errors import InputError
 
+#: Device and inode of the files that were read; None where nobody asks.
+_READ: ContextVar[set[tuple[int, int]] | None] = ContextVar("_READ", default=None)
 #: The file by which a process keeps others out of a folder; it stays when the process ends.
 LOCK_NAME = ".lock"
 
@@ -44,6 +47,35 @@ def user_path(given: object, what: str) -> Path:
         return Path(text)
 
 
+@contextmanager
+def inputs_noted() -> Iterator[None]:
+    """While inside, what is read is noted, and `refuse_input` knows it."""
+    token = _READ.set(set())
+    try:
+        yield
+    finally:
+        _READ.reset(token)
+
+
+def note_input(file: int | Path) -> None:
+    """Note that a file, open or by its path, is read."""
+    if (noted := _READ.get()) is not None:
+        found = os.stat(file)  # noqa: PTH116 (of descriptors, too)
+        noted.add((found.st_dev, found.st_ino))
+
+
+def refuse_input(path: Path) -> None:
+    """Refuse to write where something was read.
+
+    Raises:
+        InputError: that file was read since `inputs_noted`.
+    """
+    with suppress(OSError):  # not there, for one
+        found = path.stat()
+        if stat.S_ISREG(found.st_mode) and (found.st_dev, found.st_ino) in (_READ.get() or ()):
+            raise InputError(f"{path}: cannot be written: it is read by the same command")
+
+
 def read_if_there(path: Path) -> bytes | None:
     """What a file holds; None where there is no such file. Never waits, as a pipe would let it.
 
@@ -53,6 +85,7 @@ def read_if_there(path: Path) -> bytes | None:
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             raise InputError(f"{path}: cannot be read: it is no regular file")
+        note_input(path)
         return path.read_bytes()
     except (FileNotFoundError, NotADirectoryError):
         return None
@@ -100,8 +133,9 @@ def write_text(path: Path, text: str) -> None:
     A file is written whole or not at all; a pipe or a device will do, too.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: it cannot be written, or was read since `inputs_noted`.
     """
+    refuse_input(path)
     data = f"{text}\n".encode()
     try:
         if path.exists() and not path.is_file():
@@ -146,6 +180,7 @@ def read_json(path: Path) -> Any:
         InputError: it cannot be read, or is no JSON.
     """
     try:
+        note_input(path)
         return parse_json(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {reason(error)}") from None
@@ -163,9 +198,13 @@ def locked(folder: Path, refusal: str, patience_s: float = 0.0) -> Iterator[None
         patience_s: how long to wait for it.
 
     Raises:
-        InputError: another process has it, or the lock cannot be written.
+        InputError: another process has it, the lock cannot be written, or is none of ours.
     """
-    lock = FileLock(folder / LOCK_NAME, timeout=patience_s)
+    path = folder / LOCK_NAME
+    # Ours are empty. Whoever takes it empties it.
+    if read_if_there(path):
+        raise InputError(f"{path}: is of another program: it is not empty")
+    lock = FileLock(path, timeout=patience_s)
     try:
         lock.acquire()
     except Timeout:

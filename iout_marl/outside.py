@@ -21,6 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from iout_marl.errors import InputError, did_you_mean
+from iout_marl.files import note_input
 
 #: What the names of Python files end in.
 _SUFFIX = ".py"
@@ -127,6 +128,7 @@ def _import_file(name: str) -> ModuleType:
         is_folder = os.path.isdir(path)  # noqa: PTH112
         raise InputError(f"{name}: is a folder" if is_folder else f"there is no file {name!r}")
     path = path.resolve()
+    note_input(path)
     # What a file defines may ask for its module by name, as data classes do.
     own_name = f"{path.stem}_{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}"
     if own_name in sys.modules:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, Self
+
+from iout_marl.startup import is_command_line
 
 #: Of a hangup of the terminal, Ctrl-C, and a batch system's or a shell's request to end.
 NAMES = ("SIGHUP", "SIGINT", "SIGTERM")
@@ -66,3 +70,25 @@ class StopSignals:
     def _put_back(self) -> None:
         while self._before:
             signal.signal(*self._before.popitem())
+
+
+@contextmanager
+def nothing_to_save(*, catch: bool) -> Iterator[None]:
+    """While inside, the signals that ask to end do so at once.
+
+    Ctrl-C raises an exception as a rule, but not before a library is done with what it computes,
+    which may take minutes. It then ends the command line as the other signals do. A program of
+    somebody else's, which may have something to save, gets its exception.
+
+    Args:
+        catch: as for `StopSignals`; otherwise nothing is changed.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if not (catch and is_command_line() and before is signal.default_int_handler):
+        yield
+        return
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

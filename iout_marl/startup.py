@@ -20,7 +20,7 @@ def stop_guarding() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _is_command_line() -> bool:
+def is_command_line() -> bool:
     """Whether this is `iout …`, or `python -m` with one of its modules."""
     words = sys.orig_argv
     if "-m" in words[:-1]:
@@ -40,7 +40,7 @@ def _end(status: int, line: str) -> NoReturn:
         os._exit(status)
 
 
-if _is_command_line():
+if is_command_line():
     # Where Ctrl-C is ignored, as in what a shell starts in the background, it stays so.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _quit)

@@ -31,7 +31,8 @@ def whole_number(value: Any, least: int, most: int | None = None) -> int:
         raise ValueError(f"must be at least {least}, not {short(value)}")
     if most is not None and value > most:
         raise ValueError(f"must be at most {most:,}, not {short(value)}")
-    if value % 1:
+    # The remainder of a `Decimal` may be too small for it; an infinity cannot be rounded.
+    if value % 1 or value != round(value):
         raise ValueError(f"must be a whole number, not {short(value)}")
     return int(value)
 

@@ -7,21 +7,9 @@ from contextlib import contextmanager
 
 import torch
 
-from iout_marl.errors import InputError
+from iout_marl.errors import InputError, is_lack_of_memory
 
-#: Parts of what libraries say where they find no memory, or where no memory could ever do.
-_NO_MEMORY = (
-    "can't allocate memory",
-    "not enough memory",
-    "out of memory",
-    "Storage size calculation overflowed",
-    "array is too big",
-    "Maximum allowed dimension exceeded",
-    "negative dimension",
-    "numel: integer multiplication overflow",
-    "exceeds the maximum size",
-)
-#: The same of numbers.
+#: Parts of what libraries say of numbers that the arithmetic cannot hold.
 _TOO_LARGE = ("without overflow", "too large to convert", "Overflow when unpacking")
 
 
@@ -41,8 +29,7 @@ def enough_memory(where: str = "") -> Iterator[None]:
         if isinstance(error, InputError):
             raise
         text = str(error)
-        is_memory = isinstance(error, MemoryError | torch.OutOfMemoryError)
-        if is_memory or any(sign in text for sign in _NO_MEMORY):
+        if isinstance(error, torch.OutOfMemoryError) or is_lack_of_memory(error):
             raise InputError(
                 f"{where}not enough memory: smaller training.hidden_units, fewer "
                 "training.environments, training.rollout_slots or --replicas take less"

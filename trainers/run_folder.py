@@ -9,6 +9,7 @@
 | `run.json` | which contents of the files above belong together, see `trainers.saving` |
 | `metrics.jsonl` | a line for every iteration |
 | `events.out.tfevents.*` | the same for TensorBoard |
+| `run.json.begun` | until the first save: that the logs are a run's, see `trainers.beginning` |
 | `.lock` | keeps a second training out |
 """
 
@@ -20,6 +21,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -28,13 +30,13 @@ import safetensors.torch
 import torch
 
 from iout_marl.errors import InputError
-from iout_marl.files import parse_json, reason, to_json, user_path
+from iout_marl.files import LOCK_NAME, parse_json, reason, to_json, user_path
 from iout_marl.outside import load_entry_points, source_of
 from iout_marl.registry import registry_of
 from iout_marl.scenario import Scenario, parse_scenario
 from iout_marl.scenario.parts import outside_parts
 from iout_marl.world import WORLD_VERSION, World
-from trainers import saving
+from trainers import beginning, saving
 from trainers.checking import check_like
 from trainers.factory import make_network
 from trainers.networks import ActorCritic
@@ -43,6 +45,8 @@ from trainers.trained import TrainedPolicy
 
 #: Changes whenever older files can no longer be read.
 FORMAT = 2
+#: Patterns of the files that a run writes beside its saves.
+LOGS = ("metrics.jsonl", "metrics.jsonl.part", "events.out.tfevents.*")
 #: What `policy.json` must say to be of use, and in which type.
 _SHAPE = {"world_hash": str, "source_world_hash": str, "mask_actions": bool}
 
@@ -86,17 +90,21 @@ class RunFolder:
                 "or name another folder by --out"
             )
 
+    def refuse_what_is_no_runs(self) -> None:
+        """Leave files alone that a new run would write over, and that no run has left.
+
+        Raises:
+            InputError: there is one, or the folder cannot be read.
+        """
+        beginning.refuse_what_is_no_runs(self.path / saving.MANIFEST, LOGS)
+
     def create(self) -> None:
-        """Make the folder ready for a new run, once `refuse_if_used` has found none.
+        """Make the folder ready for a new run, once nothing that is there was refused.
 
         Raises:
             InputError: it cannot be made.
         """
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            saving.clear(self.path, [self.metrics_path, *self.path.glob("events.out.tfevents.*")])
-        except OSError as error:
-            raise InputError(f"{self.path}: cannot be made: {reason(error)}") from None
+        beginning.begin(self.path / saving.MANIFEST, LOGS)
 
     def saved_files(
         self, trainer: Trainer, state: dict[str, Any], source: Scenario, policy: int = 0
@@ -164,6 +172,10 @@ class RunFolder:
         """`result.json`; None where the training is not finished."""
         return self._files().get("result.json")
 
+    def missing(self) -> list[str]:
+        """Names of the files of a finished training that are not there."""
+        return sorted(set(saving.NAMES) - self._files().keys())
+
     def load_checkpoint(self) -> dict[str, Any]:
         """The trainer's `state_dict` from the checkpoint, on the CPU; not checked any further.
 
@@ -225,7 +237,7 @@ class RunFolder:
         if "scenario.yaml" in files:
             self._check_parts(files)
             return parse_scenario(self.path / "scenario.yaml", files["scenario.yaml"])
-        if not files and any(self.path.glob("events.out.tfevents.*")):
+        if not files and saving.begun(self.path / saving.MANIFEST).exists():
             raise InputError(f"{self.path}: nothing has been saved in it yet; start anew by --out")
         raise InputError(f"{self.path}: holds no run: there is no scenario.yaml in it")
 
@@ -262,6 +274,12 @@ class RunFolder:
             if not isinstance(shape.get(key), kind):
                 raise InputError(f"{path}: cannot be read: lacks {key!r}, or it is no {kind}")
         return shape
+
+
+def is_of_a_run(name: str) -> bool:
+    """Whether a file of this name in a run's folder is the run's."""
+    own = (*saving.NAMES, saving.MANIFEST, *LOGS, LOCK_NAME)
+    return any(fnmatchcase(name, pattern) for pattern in own)
 
 
 @contextmanager

@@ -20,6 +20,8 @@ Of several policies, `group.json` in the folder above gives the SHA-256 of each 
 more file of 1 and 3. A policy that is later trained alone has a `run.json` that `group.json` does
 not know, and that says of itself that it belongs to no group.
 
+What a run leaves that ends before its first save, `trainers.beginning` tells.
+
 Runs of versions before the manifest have none, and are read as they are.
 """
 
@@ -29,7 +31,7 @@ import functools
 import hashlib
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,12 +87,13 @@ class Manifest:
         except ValueError as error:
             raise InputError(f"{path}: cannot be read: damaged, it is no JSON ({error})") from None
         version = read.get("format") if isinstance(read, dict) else None
-        if type(version) is not int or not _is_manifest(read, names):
-            raise InputError(f"{path}: cannot be read: damaged, it is no manifest of a run")
-        if version != FORMAT:
+        # Of another version nothing else is known.
+        if type(version) is int and version != FORMAT:
             raise InputError(
                 f"{path}: is of another version of this software: format {version}, not {FORMAT}"
             )
+        if type(version) is not int or not _is_manifest(read, names):
+            raise InputError(f"{path}: cannot be read: damaged, it is no manifest of a run")
         return cls(read["files"], read["in_group"])
 
 
@@ -219,7 +222,7 @@ def is_used(folder: Path) -> bool:
     Raises:
         InputError: it cannot be read.
     """
-    # A scenario alone is of a run that never saved, by an earlier version.
+    # A scenario alone may be anybody's: of that, `trainers.beginning` tells.
     names = (MANIFEST, GROUP, *NAMES[1:])
     try:
         if any((folder / name).exists() for name in names):
@@ -229,8 +232,19 @@ def is_used(folder: Path) -> bool:
         raise InputError(f"{folder}: cannot be read: {reason(error)}") from None
 
 
+def members_of_group(folder: Path) -> list[Path]:
+    """The folders of policies that were saved together in one, by seed; none where none were.
+
+    Raises:
+        InputError: what says so cannot be read, or is damaged.
+    """
+    data = read_if_there(folder / GROUP)
+    names = () if data is None else Manifest.parse(folder / GROUP, data, _OF_GROUP).files
+    return sorted(((folder / name).parent for name in names), key=lambda path: int(path.name[5:]))
+
+
 def members(folder: Path) -> list[Path]:
-    """The folders of policies that were trained side by side, by seed.
+    """The folders in one that hold saves of policies trained side by side, by seed.
 
     Raises:
         InputError: the folder cannot be read.
@@ -282,6 +296,8 @@ def save(
     _write_parts({**parts, moment: last_written.to_bytes()}, moment)
     for folder in states:
         settle(folder)
+    with suppress(OSError):
+        begun(moment).unlink(missing_ok=True)
 
 
 def _write_parts(files: Mapping[Path, bytes], moment: Path) -> None:
@@ -294,10 +310,10 @@ def _write_parts(files: Mapping[Path, bytes], moment: Path) -> None:
                 file.flush()
                 os.fsync(file.fileno())
         for folder in {path.parent for path in files}:
-            _fsync_folder(folder)
+            fsync_folder(folder)
         path = moment
         part(moment).replace(moment)
-        _fsync_folder(moment.parent)
+        fsync_folder(moment.parent)
     except OSError as error:
         for each in files:
             with suppress(OSError):
@@ -306,7 +322,7 @@ def _write_parts(files: Mapping[Path, bytes], moment: Path) -> None:
         raise InputError(f"{path}: cannot be written: {reason(error)}{kept}") from None
 
 
-def _fsync_folder(folder: Path) -> None:
+def fsync_folder(folder: Path) -> None:
     """Bring the names in a folder to the disk, where the system can."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
@@ -336,17 +352,12 @@ def settle(folder: Path) -> None:
                 part(path).unlink(missing_ok=True)
             if manifest is not None and name not in wanted:
                 path.unlink(missing_ok=True)  # a result of a shorter training
+        if manifest is not None:
+            begun(folder / MANIFEST).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{path}: cannot be put in its place: {reason(error)}") from None
 
 
-def clear(folder: Path, others: Iterable[Path]) -> None:
-    """Take what a run that never saved has left out of its folder, and other files.
-
-    Raises:
-        OSError: one cannot be removed.
-    """
-    for name in (*NAMES, MANIFEST, GROUP):
-        part(folder / name).unlink(missing_ok=True)
-    for path in (folder / NAMES[0], *others):
-        path.unlink(missing_ok=True)
+def begun(manifest: Path) -> Path:
+    """The mark that a run, or several, have begun in a folder and saved nothing yet."""
+    return manifest.with_name(f"{manifest.name}.begun")

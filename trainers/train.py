@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import signal
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +19,18 @@ from torch import Tensor
 import iout_marl
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
-from iout_marl.files import reason, to_json, user_path
+from iout_marl.files import to_json, user_path
 from iout_marl.metrics import described
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario, to_yaml
-from iout_marl.signals import Stopped, StopSignals
+from iout_marl.signals import Stopped, StopSignals, nothing_to_save
 from iout_marl.terminal import progress_console
 from trainers import saving
 from trainers.group import Group, LostProcessError
 from trainers.logs import TrainingLog, tell
 from trainers.memory import enough_memory
-from trainers.occupied import occupied
 from trainers.ppo import Trainer
-from trainers.resuming import is_complete, resumed, runs_in
+from trainers.preparing import make_new, new_runs, refuse_to_begin, take_over
+from trainers.resuming import is_complete, refuse_to_resume, resumed, runs_in
 from trainers.run_folder import RunFolder
 
 
@@ -129,7 +130,8 @@ def train(
         console: where the progress goes; standard error by default.
         evaluation_episodes: episodes of the final evaluation.
         catch_signals: on SIGHUP, SIGINT and SIGTERM, finish the running iteration and save
-            everything, so that the training can be resumed. Otherwise they have their usual effect.
+            everything, so that the training can be resumed. Otherwise, and as long as the
+            training is only being built, they have their usual effect.
         replicas: how many policies, from the seed on; a resumed training has those it had.
         group: the processes that train together, each of which calls this; the first one
             writes and evaluates.
@@ -138,8 +140,9 @@ def train(
 
     Raises:
         DivergedError: weights or losses are no longer finite; nothing of it is saved.
-        InputError: `out` holds a run already (or, to resume, none, or one of another
-            scenario), another process trains in it, or it cannot be written; another process of
+        InputError: `out` holds a run already, or files of others under names that a run writes
+            (or, to resume, no run, or one of another scenario); another process trains in it;
+            or it cannot be written; another process of
             the group was lost; there is too little memory; or the work could not be recorded as
             CUDA graphs.
     """
@@ -147,27 +150,24 @@ def train(
     scenario = load_scenario(scenario, overrides)
     out = user_path(out, "out")
     console, group = console or progress_console(), group or Group()
-    with (
-        enough_memory(f"{out}: "),
-        StopSignals(catch=catch_signals) as stop,
-        ExitStack() as held,
-    ):
-        runs: list[RunFolder]
-        if resume:
-            runs = runs_in(out)
-            _prepare(out, runs, group, held, is_new=False)
-            trainer = resumed(
-                runs,
-                scenario,
-                torch.device(device),
-                group,
-                is_together=runs[0].path != out,
-                use_graphs=use_graphs,
-            )
-        else:
-            trainer = Trainer(scenario, seed, device, replicas, group, use_graphs=use_graphs)
-            runs = [RunFolder(path) for path in _paths(out, trainer)]
-            _prepare(out, runs, group, held, is_new=True)
+    with enough_memory(f"{out}: "), ExitStack() as held:
+        with nothing_to_save(catch=catch_signals):
+            if resume:
+                runs = runs_in(out)
+                is_together = runs[0].path != out
+                check = partial(refuse_to_resume, runs, scenario, is_together=is_together)
+                take_over(out, runs, group, held, check)
+                trainer = resumed(
+                    *(runs, scenario, torch.device(device), group),
+                    is_together=is_together,
+                    use_graphs=use_graphs,
+                )
+            else:
+                runs = new_runs(out, seed, replicas)
+                refuse_to_begin(out, runs, group)
+                trainer = Trainer(scenario, seed, device, replicas, group, use_graphs=use_graphs)
+                make_new(out, runs, group, held)
+        stop = held.enter_context(StopSignals(catch=catch_signals))
         if resume and group.rank == 0:
             for run in runs:
                 saving.settle(run.path)
@@ -197,52 +197,6 @@ def train(
             training.sampled_aoi,
             was_complete,
         )
-
-
-def _paths(out: Path, trainer: Trainer) -> list[Path]:
-    """The folder of a lone run, or one within it for each of several policies."""
-    seeds = trainer.seeds
-    return [out] if len(seeds) == 1 else [out / f"seed-{seed}" for seed in seeds]
-
-
-def _prepare(
-    out: Path, runs: Sequence[RunFolder], group: Group, held: ExitStack, *, is_new: bool
-) -> None:
-    """Keep others out of the folders as long as `held` does; make those of new runs."""
-    paths = [run.path for run in runs]
-    with _all_or_none(group):
-        if group.rank > 0:
-            return
-        if is_new:
-            try:
-                out.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise InputError(f"{out}: cannot be made: {reason(error)}") from None
-        if out.is_dir():  # if not, there is nothing to resume
-            held.enter_context(occupied(out, paths))
-        if not is_new:
-            return
-        # Leave alone what is there, before anything new is made.
-        for run in (RunFolder(out), *map(RunFolder, saving.members(out)), *runs):
-            run.refuse_if_used()
-        for run in runs:
-            run.create()
-
-
-@contextmanager
-def _all_or_none(group: Group) -> Iterator[None]:
-    """What the first process begins with: if it fails, so do the others, with less to say."""
-    failure = None
-    try:
-        yield
-    except InputError as error:
-        failure = error
-    try:
-        is_refused = group.any(failure is not None)
-    except LostProcessError:
-        is_refused = True
-    if is_refused:
-        raise failure or InputError("the first process could not begin")
 
 
 def _say_how_far(trainer: Trainer, console: Console) -> None:

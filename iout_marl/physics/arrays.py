@@ -35,10 +35,15 @@ def as_arrays(*values: ArrayLike) -> tuple[Any, ...]:
     on_numpy = isinstance(arrays[0], np.ndarray)
 
     def as_array(value: ArrayLike) -> Array:
-        if on_numpy or not isinstance(value, int | float | np.generic):
+        if on_numpy:
             return xp.asarray(value, dtype=dtype, device=device)
-        # Made where it is needed: an accelerator would stop for a number brought to it.
-        return xp.full((), float(value), dtype=dtype, device=device)
+        if isinstance(value, int | float | np.generic):
+            # Made where it is needed: an accelerator would stop for a number brought to it.
+            return xp.full((), float(value), dtype=dtype, device=device)
+        if not array_api_compat.is_array_api_obj(value) or array_api_compat.device(value) != device:
+            return xp.asarray(value, dtype=dtype, device=device)
+        # torch's `asarray` would make another one, without its gradient.
+        return value if value.dtype == dtype else xp.astype(value, dtype)
 
     return (xp, *map(as_array, values))
 

@@ -65,10 +65,12 @@ class Formula(Protocol[P]):
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Array: ...
 
 
-def formula(**domains: Domain) -> Callable[[Callable[P, Array]], Formula[P]]:
+def formula(nan_says: str = "", /, **domains: Domain) -> Callable[[Callable[P, Array]], Formula[P]]:
     """Make a formula of a function of arrays.
 
     Args:
+        nan_says: what NaN in the result means; "" where it could only come of numbers that
+            are too large or too small to compute with, such as 0·∞, and is refused.
         domains: of each argument, by its name.
     """
 
@@ -85,7 +87,10 @@ def formula(**domains: Domain) -> Callable[[Callable[P, Array]], Formula[P]]:
             with np.errstate(all="ignore"):
                 for name, domain in domains.items():
                     _check(name, domain, given)
-                return function(*given.values())  # type: ignore[call-arg]
+                result = function(*given.values())  # type: ignore[call-arg]
+            if not nan_says:
+                _refuse_nan(function.__name__, result, given)
+            return result
 
         checked.unchecked = function  # type: ignore[attr-defined]
         return cast(Formula[P], checked)
@@ -110,7 +115,9 @@ def _numbers(name: str, value: ArrayLike) -> ArrayLike:
     Raises:
         InputError: it is, or holds, something else.
     """
-    if array_api_compat.is_array_api_obj(value):
+    if _is_odd(value):
+        pass
+    elif array_api_compat.is_array_api_obj(value):
         xp = array_api_compat.array_namespace(value)
         if xp.isdtype(value.dtype, ("real floating", "integral")):
             return value
@@ -128,13 +135,40 @@ def _numbers(name: str, value: ArrayLike) -> ArrayLike:
     raise InputError(f"{name} must be a number or an array of numbers, not {short(value)}")
 
 
+def _is_odd(value: ArrayLike) -> bool:
+    """Whether it is, or lists, what NumPy would take for numbers: truth values, masked arrays."""
+    if isinstance(value, list | tuple):
+        return any(map(_is_odd, value))
+    if isinstance(value, bool | np.ma.MaskedArray):
+        return True
+    if isinstance(value, int | float) or not array_api_compat.is_array_api_obj(value):
+        return False
+    return bool(array_api_compat.array_namespace(value).isdtype(value.dtype, "bool"))
+
+
 def _check(name: str, domain: Domain, given: Given) -> None:
     x = given[name]
     xp = array_api_compat.array_namespace(x)
     good = xp.isfinite(x) & domain.holds(x, given)
     if bool(xp.all(good)):
         return
-    values = xp.reshape(xp.broadcast_to(x, good.shape), (-1,))
-    bad = float(values[int(xp.argmin(xp.astype(xp.reshape(good, (-1,)), xp.int8)))])
+    bad = _at_first(~good, x)
     words = domain.words if math.isfinite(bad) else f"be finite and {domain.words}"
     raise InputError(f"{name} must {words}: it is {bad:g}")
+
+
+def _refuse_nan(function: str, result: Array, given: Given) -> None:
+    xp = array_api_compat.array_namespace(result)
+    is_nan = xp.isnan(result)
+    if bool(xp.any(is_nan)):
+        numbers = ", ".join(f"{name} {_at_first(is_nan, x):g}" for name, x in given.items())
+        raise InputError(f"{function}: too large or too small to compute with: {numbers}")
+
+
+def _at_first(flags: Array, x: Array) -> float:
+    """Of an array, broadcast, the number where the first flag is set."""
+    xp = array_api_compat.array_namespace(x)
+    values = xp.reshape(xp.broadcast_to(x, flags.shape), (-1,))
+    first = int(xp.argmax(xp.astype(xp.reshape(flags, (-1,)), xp.int8)))
+    # A number that has a gradient would come with a warning.
+    return float(values.detach()[first] if hasattr(values, "detach") else values[first])

@@ -48,6 +48,7 @@ _INTERVAL = _SLOT | {
 
 
 @formula(
+    "no β of the interval pays",
     stored_j=REAL,
     harvested_power_w=NOT_NEGATIVE,
     power_per_snr_w=NOT_NEGATIVE,
@@ -112,7 +113,12 @@ def smallest_beta(
     return xp.where(no_root | (beta > beta_max), xp.full_like(beta, math.nan), beta)
 
 
-@formula(harvested_power_w=NOT_NEGATIVE, power_per_snr_w=NOT_NEGATIVE, **_INTERVAL)
+@formula(
+    "the interval holds no root",
+    harvested_power_w=NOT_NEGATIVE,
+    power_per_snr_w=NOT_NEGATIVE,
+    **_INTERVAL,
+)
 def beta_star(
     harvested_power_w: ArrayLike,
     power_per_snr_w: ArrayLike,
@@ -261,6 +267,7 @@ def attenuation_at_balance_db(g_value: ArrayLike, kappa_3: ArrayLike) -> Array:
 
 
 @formula(
+    "the attenuation is reached nearer than 1 m",
     attenuation_db=REAL,
     absorption_db_per_km=NOT_NEGATIVE,
     spreading_db_per_decade=within(0, 40),

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from iout_marl.errors import InputError
+from iout_marl.files import note_input
 from iout_marl.scenario.places import KeyPath, Places, shorten, show_file, show_path, show_value
 from iout_marl.scenario.plain import plain_mapping, plain_value
 from iout_marl.scenario.sources import find_scenario
@@ -125,6 +126,7 @@ def read_file(path: Path) -> Layer:
     """
     try:
         with path.open("rb") as file:
+            note_input(file.fileno())
             contents = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise InputError(f"{show_file(path)}: cannot be read: {error.strerror}") from None

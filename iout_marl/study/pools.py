@@ -9,9 +9,11 @@ import shutil
 import signal
 import tempfile
 import threading
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
@@ -21,8 +23,8 @@ from iout_marl.study.worker import Output, run_cell
 #: A cell, and what came of it.
 Outcome: TypeAlias = tuple[Cell, Output | Exception]
 Outcomes: TypeAlias = Generator[Outcome, None, None]
-#: Seconds in which a scheduler must answer.
-CONNECT_S = 10
+#: What a terminal sends to all processes that it has started. SIGHUP is not everywhere.
+_OF_TERMINAL = [getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name)]
 
 
 class Pool(Protocol):
@@ -91,18 +93,20 @@ class LocalProcesses:
         running: dict[Future[Output], Cell] = {}
         suspects: list[Cell] = []
         others = set(multiprocessing.active_children())
-        executor = ProcessPoolExecutor(
-            min(jobs, len(waiting)),
-            # A forked copy of torch's thread pools would hang.
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_start_worker,
-            initargs=(folder,),
-        )
+        with _terminal_held_back():
+            executor = ProcessPoolExecutor(
+                min(jobs, len(waiting)),
+                # A forked copy of torch's thread pools would hang.
+                mp_context=multiprocessing.get_context("spawn"),
+                initializer=_start_worker,
+                initargs=(folder,),
+            )
         try:
             while (waiting or running) and not suspects:
                 while waiting and len(running) < jobs:
-                    running[executor.submit(self.task, waiting[0], carbon_g_per_kwh)] = waiting[0]
-                    del waiting[0]
+                    with _terminal_held_back():
+                        future = executor.submit(self.task, waiting[0], carbon_g_per_kwh)
+                        running[future] = waiting.pop(0)
                 done, _ = wait(running, return_when=FIRST_COMPLETED)
                 for future in done:
                     cell = running.pop(future)
@@ -125,6 +129,25 @@ class LocalProcesses:
             executor.shutdown(cancel_futures=True)
 
 
+@contextmanager
+def _terminal_held_back() -> Iterator[None]:
+    """Let Ctrl-C and a lost terminal wait; a process that is started meanwhile lets them wait, too.
+
+    It could do nothing else with them than show a traceback, until it has come to ignore them.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _OF_TERMINAL)
+    try:
+        # The process in which Python counts semaphores; its start lets Ctrl-C through again.
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, _OF_TERMINAL)
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _start_worker(folder: str) -> None:
     """Leave Ctrl-C and a lost terminal to the main process, and end with it, however it ends.
 
@@ -132,9 +155,10 @@ def _start_worker(folder: str) -> None:
         folder: where temporary files go. It belongs to the main process, for a worker that is
             killed clears nothing away; one that outlives the main process does it in its stead.
     """
-    for name in ("SIGINT", "SIGHUP"):  # the latter is not everywhere
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for number in _OF_TERMINAL:
+        signal.signal(number, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _OF_TERMINAL)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # which the main process may ignore
     Path(folder).mkdir(mode=0o700, exist_ok=True)
     tempfile.tempdir = folder

@@ -46,6 +46,8 @@ from iout_marl.world import WORLD_VERSION
 MARKER = "study.json"
 #: What a start that was killed may leave before that file is there.
 BEGUN = (LOCK_NAME, "cells", "runs", f"{MARKER}.part")
+#: What it holds once it is finished, all but the report's Markdown, which may be elsewhere.
+OWN = (LOCK_NAME, MARKER, "cells", "runs", "results.json", "results.csv", "report.html", "figures")
 #: What a kill leaves of files that were being written.
 PARTS = (
     *("study.json.part", "results.*.part", "report.*.part"),

@@ -219,6 +219,9 @@ class TestRuns:
     [
         (OSError(5, "Input/output error", "some/file"), "some/file: Input/output error"),
         (MemoryError(), "not enough memory"),
+        (ValueError("Maximum allowed dimension exceeded"), "not enough memory"),
+        (RuntimeError("[enforce fail] DefaultCPUAllocator: out of memory"), "not enough memory"),
+        (ValueError("array is larger: exceeds the maximum size"), "not enough memory"),
     ],
 )
 def test_what_the_machine_refuses(refused, monkeypatch, error, expected):

@@ -62,6 +62,8 @@ class TestNumbers:
             ("-1e300", "must be at least "),
             ("1e30", "must be at most "),
             ("1e999999999", "must be at most "),
+            ("1e-999999999", "must be "),  # a whole number, or at least 1
+            ("2.00000000000000000000000000000000001", "must be a whole number"),
             ("9" * 6000, "must be at most "),
             ("Infinity", "must be a whole number"),
             ("0x10", "must be a whole number"),

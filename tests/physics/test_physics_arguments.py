@@ -89,6 +89,13 @@ NO_NUMBERS = [
     1j,
     True,
     [True, False],
+    [1, True],
+    [[1.0, 2.0], (3, np.True_)],
+    [np.ones(2), np.array([True, False])],
+    np.ma.masked,
+    np.ma.array([1.0, 2.0], mask=[False, True]),
+    np.ma.array([1.0, 2.0]),
+    [1.0, np.ma.array(2.0, mask=True)],
     10**400,
     10**5000,
     np.array([1j]),
@@ -204,6 +211,61 @@ def test_numbers_beyond_every_type_are_infinite_without_a_warning():
         assert physics.electrical_power_w(1e9, 0.5) == math.inf
         assert physics.g(0.5, 1e-3, 1e9, 1) == -math.inf
         assert math.isfinite(physics.g_slope(0.5, 1e-3, 1e9, 1))
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("transmit_power_w", (0, 0, 1e4)),
+        ("transmit_power_w", ([1, 0], 0, [[1.0], [1e4]])),
+        ("sonar_transmit_power_w", (0, 0, 1e4, 0.001, 1)),
+        ("approximate_required_energy_j", (1e4, 0)),
+        ("g_slope", (1e-15, 1e15, 1e-15, 1e300)),
+        ("kappa_3", (0, -1e4)),
+        ("kappa", (1e-300, 1e300, 1e4)),
+    ],
+)
+@pytest.mark.parametrize("library", [np.asarray, torch.asarray], ids=["NumPy", "torch"])
+def test_numbers_of_which_nothing_comes_are_refused(name, arguments, library):
+    given = [library(np.asarray(value, float)) for value in arguments]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError) as refused:
+            getattr(physics, name)(*given)
+    names = inspect.signature(getattr(physics, name)).parameters
+    extreme = [f"{n} {np.max(value):g}" for n, value in zip(names, arguments, strict=False)]
+    message = str(refused.value)
+    assert message.startswith(f"{name}: too large or too small to compute with: ")
+    assert extreme[-1] in message
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_gradients_go_through_without_a_warning(name, dtype):
+    given = {
+        argument: torch.tensor(value, dtype=dtype, requires_grad=True)
+        for argument, value in good(name).items()
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        result = getattr(physics, name)(**given)
+        result.backward()
+    assert result.dtype == dtype
+    assert any(argument.grad is not None for argument in given.values())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for argument in given:
+            wrong = torch.tensor(math.nan, dtype=dtype, requires_grad=True)
+            with pytest.raises(InputError, match=f"^{argument} must be finite"):
+                getattr(physics, name)(**given | {argument: wrong})
+
+
+def test_gradient_of_a_number_of_another_type_goes_through():
+    duration_s = torch.tensor(100.0, dtype=torch.float64, requires_grad=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        physics.required_energy_j(torch.tensor(5.0), duration_s).backward()
+    assert duration_s.grad == 5
 
 
 def test_arrays_of_two_libraries_are_refused_by_name():

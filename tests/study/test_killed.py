@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import psutil
 import pytest
@@ -43,6 +44,7 @@ def start(study, tmp_path):
                 text=True,
                 cwd=tmp_path,
                 env={**os.environ, "TMPDIR": str(temporary)},
+                start_new_session=True,
             )
         )
         return started[-1]
@@ -104,3 +106,35 @@ def test_a_stopped_study_says_how_to_go_on(start, tmp_path, number):
     assert "stopped; what is finished stays. Go on with: iout reproduce" in told
     assert "Traceback" not in told
     assert not (tmp_path / "out" / "results.json").exists()
+
+
+#: When a signal comes: what has been seen to be there, and how many seconds later.
+MOMENTS = {
+    "second worker": (lambda process, _: len(workers_of(process)) == 2, 0.0),
+    "workers that start": (lambda process, _: workers_of(process), 0.5),
+    "workers that import": (lambda process, _: workers_of(process), 1.5),
+    "first cell": (lambda _, tmp_path: finished_cells(tmp_path), 0.0),
+}
+
+
+@pytest.mark.parametrize(
+    ("number", "moment"),
+    [*((signal.SIGINT, moment) for moment in MOMENTS), (signal.SIGHUP, "workers that start")],
+    ids=lambda value: getattr(value, "name", value),
+)
+def test_a_signal_of_the_terminal_to_all_processes_makes_no_traceback(
+    start, tmp_path, number, moment
+):
+    is_there, seconds = MOMENTS[moment]
+    process = start("--jobs", "2")
+    wait_for(lambda: is_there(process, tmp_path))
+    time.sleep(seconds)
+    workers = workers_of(process)
+    os.killpg(process.pid, number)
+    _, told = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 128 + number, told
+    assert "stopped; what is finished stays. Go on with: iout reproduce" in told
+    assert "Traceback" not in told
+    assert "Error" not in told
+    wait_for(lambda: not any(worker.is_running() for worker in workers))
+    assert list((tmp_path / "temporary").glob("iout-*")) == []

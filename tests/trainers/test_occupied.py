@@ -125,12 +125,12 @@ def test_of_many_that_start_at_once_one_trains(other, tmp_path):
     assert RunFolder(tmp_path / "run").policy_shape()["env_steps"] == 560
 
 
-def test_folder_that_is_refused_gets_no_more_than_a_lock(tiny, tmp_path):
+def test_folder_that_is_refused_gets_no_lock(tiny, tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run/policy.json").write_text("{}")
     with pytest.raises(InputError, match="holds a run already"):
         quietly(tiny(), tmp_path / "run")
-    assert {path.name for path in (tmp_path / "run").iterdir()} == {"policy.json", ".lock"}
+    assert {path.name for path in (tmp_path / "run").iterdir()} == {"policy.json"}
 
 
 def test_lock_is_let_go_of_when_a_training_fails(tiny, tmp_path, monkeypatch):

@@ -315,14 +315,14 @@ def test_steps_that_are_no_multiple_of_a_rollout(tmp_path, run, monkeypatch, ste
 
 
 def test_signal_before_the_first_iteration(tmp_path, run, monkeypatch):
-    build = Trainer.__init__
+    begin = training.TrainingLog.__enter__
 
-    def build_and_stop(trainer, *args, **options):
+    def stop_and_begin(log):
         signal.raise_signal(signal.SIGTERM)
-        build(trainer, *args, **options)
+        return begin(log)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Trainer, "__init__", build_and_stop)
+        patch.setattr(training.TrainingLog, "__enter__", stop_and_begin)
         stopped = run(tmp_path / "stopped")
     assert (stopped.finished, stopped.signal) == (False, signal.SIGTERM)
     assert stopped.trainer.env_steps == 0

@@ -150,13 +150,6 @@ class TestCreating:
             (folder / name).unlink(missing_ok=True)
         assert "holds a run already" in refusal(lambda: quietly(tiny(), folder, seed=7))
 
-    def test_run_that_never_saved_may_start_again(self, folder, tiny, finished):
-        for name in RESULTS:
-            (folder / name).unlink(missing_ok=True)
-        quietly(tiny(), folder, seed=7)
-        assert len(RunFolder(folder).metrics_path.read_text().splitlines()) == 7
-        assert len(list(folder.glob("events.*"))) == 1
-
     def test_folders_above_are_made(self, tiny, tmp_path):
         quietly(tiny({"training.steps": 80}), tmp_path / "a/b/c")
         assert (tmp_path / "a/b/c/result.json").is_file()

@@ -155,11 +155,15 @@ class TestDamage:
         with pytest.raises(InputError, match=r"seed-4/run\.json: cannot be read: damaged"):
             RunFolder(group / "seed-4").load_policy()
 
-    def test_manifest_of_a_later_version(self, lone):
-        data = json.loads((lone / "run.json").read_text())
-        (lone / "run.json").write_text(json.dumps({**data, "format": 99}))
+    @pytest.mark.parametrize("more", [{}, {"more": 1}, {"files": []}], ids=str)
+    @pytest.mark.parametrize("name", ["run.json", "group.json"])
+    def test_manifest_of_a_later_version(self, group, name, more):
+        path = group / name if name == "group.json" else group / "seed-3" / name
+        data = json.loads(path.read_text())
+        path.write_text(json.dumps({**data, "format": 99, **more}))
+        (group / "group.json").unlink() if name == "run.json" else None
         with pytest.raises(InputError, match="is of another version of this software: format 99"):
-            RunFolder(lone).load_policy()
+            RunFolder(group / "seed-3").load_policy()
 
     @pytest.mark.parametrize(
         "text",
@@ -189,6 +193,24 @@ class TestDamage:
         quietly(tiny(), lone, resume=True)
         results = [json.loads((f / "result.json").read_text()) for f in (lone, finished / "lone")]
         assert results[0]["evaluation"]["metrics"] == results[1]["evaluation"]["metrics"]
+
+    @pytest.mark.parametrize("name", ["policy.safetensors", "policy.json"])
+    @pytest.mark.parametrize("has_manifest", [True, False])
+    def test_policy_that_is_gone_is_written_anew(self, lone, finished, tiny, name, has_manifest):
+        (lone / name).unlink()
+        if not has_manifest:
+            (lone / "run.json").unlink()
+        outcome = quietly(tiny(), lone, resume=True)
+        assert (outcome.finished, outcome.was_complete) == (True, False)
+        assert (lone / name).read_bytes() == (finished / "lone" / name).read_bytes()
+        assert quietly(tiny(), lone, resume=True).was_complete
+
+    def test_policy_of_a_group_that_is_gone_is_written_anew(self, group, finished, tiny):
+        (group / "seed-4/policy.safetensors").unlink()
+        assert quietly(tiny(), group, resume=True).finished
+        for seed in (3, 4):
+            path = f"seed-{seed}/policy.safetensors"
+            assert (group / path).read_bytes() == (finished / "group" / path).read_bytes()
 
     @pytest.mark.parametrize("name", [*saving.NAMES, "run.json", "metrics.jsonl"])
     @pytest.mark.parametrize("make", [os.mkfifo, os.mkdir], ids=["pipe", "folder"])

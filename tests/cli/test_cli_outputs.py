@@ -1,0 +1,110 @@
+"""No file that a command reads is written over by what it writes."""
+
+import json
+import os
+import shutil
+
+import pytest
+from fake_results import record, results
+
+import trainers
+from iout_marl.scenario import bundled_root
+
+PLAY = ["--policy", "greedy", "--episodes", 1]
+READ = "cannot be written: it is read by the same command"
+
+
+@pytest.fixture(autouse=True)
+def _working_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A scenario that extends another one, and takes a preset; all three are the user's."""
+    (tmp_path / "base.yaml").write_text("extends: paper/k3-fdd\n")
+    shutil.copy(bundled_root() / "training" / "fast.yaml", tmp_path / "preset.yaml")
+    (tmp_path / "own.yaml").write_text("extends: base.yaml\ntraining: {preset: preset.yaml}\n")
+    return tmp_path / "own.yaml"
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, tiny):
+    folder = tmp_path_factory.mktemp("finished") / "run"
+    trainers.train(tiny(), folder, evaluation_episodes=1)
+    return folder
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("target", ["own.yaml", "base.yaml", "preset.yaml", "soft", "hard"])
+@pytest.mark.parametrize("words", [["evaluate", *PLAY], ["bound", "--seconds", 0]], ids=str)
+def test_scenario_and_what_it_is_made_of(refused, tmp_path, own, words, target):
+    (tmp_path / "soft").symlink_to("base.yaml")
+    os.link(tmp_path / "base.yaml", tmp_path / "hard")
+    before = contents(tmp_path)
+    command, *options = words
+    assert refused(command, own, *options, "--json", target) == f"{target}: {READ}"
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    "name", ["policy.json", "scenario.yaml", "result.json", "run.json", "metrics.jsonl", ".lock"]
+)
+@pytest.mark.parametrize("option", ["--policy", "--planner-start"])
+def test_files_of_a_run(refused, finished, tiny_settings, option, name):
+    before = contents(finished)
+    words = ["evaluate", "best/k3-fdd", *tiny_settings, option, finished]
+    words += ["--policy", "planner"] if option == "--planner-start" else []
+    line = refused(*words, "--json", finished / name)
+    assert line.endswith(f"{name}: cannot be written: it is a file of the run {finished}")
+    assert contents(finished) == before
+
+
+def test_other_files_beside_those_of_a_run(iout, finished, tiny_settings):
+    words = ["evaluate", "best/k3-fdd", *tiny_settings, "--policy", finished, "--episodes", 1]
+    for _ in range(2):  # what it has written itself it may write over
+        assert iout(*words, "--json", finished / "mine.json")[0] == 0
+    assert json.loads((finished / "mine.json").read_text())["episodes"] == 1
+
+
+def test_scenario_of_another_command_before(iout, own, tmp_path):
+    assert iout("show", own)[0] == 0
+    assert iout("evaluate", "paper/k3-fdd", *PLAY, "--json", own)[0] == 0
+    assert json.loads(own.read_text())["episodes"] == 1
+
+
+class TestMarkdown:
+    @pytest.fixture
+    def study(self, tmp_path):
+        folder = tmp_path / "out"
+        folder.mkdir()
+        made = results([("g", "greedy", 3, record("greedy", 3, 0, {}))], report="plain")
+        (folder / "results.json").write_text(made.to_json())
+        return folder
+
+    @pytest.mark.parametrize(
+        "name",
+        ["results.json", "results.csv", "report.html", "study.json", "cells/a.md", "figures/a.png"],
+    )
+    def test_files_of_a_study(self, refused, study, name):
+        (study / "cells").mkdir(exist_ok=True)
+        (study / "figures").mkdir(exist_ok=True)
+        before = contents(study)
+        line = refused("report", study, "--markdown", study / name)
+        assert line == f"{study / name}: cannot be written: it is a file of the study in {study}"
+        assert contents(study) == before
+
+    def test_results_by_another_name(self, refused, study, tmp_path):
+        (tmp_path / "link").symlink_to("out/results.json")
+        os.link(study / "results.json", tmp_path / "hard")
+        before = (study / "results.json").read_bytes()
+        assert "is a file of the study" in refused("report", study, "--markdown", "link")
+        assert READ in refused("report", study, "--markdown", "hard")
+        assert (study / "results.json").read_bytes() == before
+
+    def test_where_it_usually_goes(self, iout, study):
+        assert iout("report", study, "--markdown", study / "report.md")[0] == 0
+        assert iout("report", study, "--markdown", study / "mine.md")[0] == 0
