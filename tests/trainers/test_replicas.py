@@ -153,7 +153,7 @@ class TestRuns:
     def test_that_are_not_all_there(self, short, tmp_path):
         train(short, tmp_path, replicas=3, evaluation_episodes=1)
         shutil.rmtree(tmp_path / "seed-2")
-        with pytest.raises(InputError, match="or some are missing"):
+        with pytest.raises(InputError, match=r"seed-2/run\.json: is missing"):
             train(short, tmp_path, resume=True, evaluation_episodes=1)
 
     def test_copies_beside_them_do_not_matter(self, short, tmp_path):
