@@ -172,7 +172,7 @@ def evaluate(
     with _unbounded():
         found = world.metrics(state)
         for metric in world.measured:
-            if metric.kind == "rewards":
+            if metric.computed_from == "rewards":
                 found[metric.name] = metric.function(world, total_reward)
     samples = {
         metric.name: np.asarray(found[metric.name], dtype=np.float64) for metric in world.measured

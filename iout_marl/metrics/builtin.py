@@ -121,7 +121,7 @@ BUILTIN = (
     Metric(
         "reward",
         _reward,
-        kind="rewards",
+        computed_from="rewards",
         definition="Undiscounted return of an AUV, averaged over AUVs; `reward/total` is its mean "
         "a slot.",
         unit="",

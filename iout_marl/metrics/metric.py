@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 #: What a metric is a function of: the state at the end of an episode, a slot (its values are
 #: summed over the slots of an episode), or the rewards of an episode.
-Kind: TypeAlias = Literal["state", "slot", "rewards"]
+Source: TypeAlias = Literal["state", "slot", "rewards"]
 Better: TypeAlias = Literal["less", "more"]
 
 
@@ -27,7 +27,8 @@ class Metric:
     Attributes:
         name: its key in Python and JSON.
         function: computes it, (envs,): of `(world, state)`, of `(world, state, events)` after
-            each slot, or of `(world, total)`, the (envs, auvs) rewards of an episode; see `kind`.
+            each slot, or of `(world, total)`, the (envs, auvs) rewards of an episode: see
+            `computed_from`.
         definition: a sentence.
         unit: empty for a pure number.
         symbol: as in the paper; empty where it has none.
@@ -40,7 +41,7 @@ class Metric:
         better: whether less or more of it is better; None where neither is.
         low, high: what it cannot be below and above.
         is_positive: it is never 0, and reports divide by it.
-        kind: what it is a function of.
+        computed_from: what it is a function of.
         in_table: whether the command line's tables have a row for it.
         has_curve: whether studies keep the curve of a training.
         is_builtin: whether it is of this software.
@@ -61,7 +62,7 @@ class Metric:
     low: float = -math.inf
     high: float = math.inf
     is_positive: bool = False
-    kind: Kind = "state"
+    computed_from: Source = "state"
     in_table: bool = True
     has_curve: bool = False
     is_builtin: bool = True

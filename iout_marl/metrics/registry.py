@@ -132,7 +132,7 @@ def register(
             better=better,
             low=float(low),
             high=float(high),
-            kind="slot" if per_slot else "state",
+            computed_from="slot" if per_slot else "state",
             is_builtin=False,
         )
         return function

@@ -88,7 +88,7 @@ class World:
         self.num_nodes = scenario.num_nodes
         self.num_slots = scenario.num_slots
         self.measured = registered() if measured is None else tuple(measured)
-        self.summed = tuple(metric for metric in self.measured if metric.kind == "slot")
+        self.summed = tuple(metric for metric in self.measured if metric.computed_from == "slot")
         self.backend = backend = Backend.of(library, dtype, device)
         self.grid = Grid(scenario.grid.cells)
         self.link = Link(scenario, self.grid, backend)
@@ -335,7 +335,7 @@ class World:
         return {
             metric.name: sums[metric.name] if metric.name in sums else metric.values(self, state)
             for metric in self.measured
-            if metric.kind != "rewards"
+            if metric.computed_from != "rewards"
         }
 
     def with_sums_of(self, state: State, summed: Sequence[str]) -> State:
