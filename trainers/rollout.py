@@ -310,7 +310,7 @@ class Simulation:
             self.state, world_action.numpy() if world.backend.xp is np else world_action
         )
         terms = world.reward_terms(state, events)
-        _write(rollout.reward, t, self._tensor(sum(terms.values())))
+        _write(rollout.reward, t, self._tensor(world.total_reward(terms)))
         for name, term in terms.items():
             if name in course.totals:
                 course.totals[name] += term

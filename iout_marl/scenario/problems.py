@@ -89,6 +89,8 @@ def describe(problem: ErrorDetails, layer: Layer) -> str:
         choices = [c.strip(" '") for c in context["expected"].replace(" or ", ",").split(",")]
         message = f"unknown value {show_value(given)}"
         message += did_you_mean(shorten(given) if isinstance(given, str) else "", choices)
+    elif kind in ("value_error", "assertion_error"):
+        message = str(context["error"])
     elif kind == "string_unicode":
         message = "holds half a character, such as \\ud800"
     elif kind == "finite_number":

@@ -83,7 +83,8 @@ class Scenario(Section):
         self._check_plausibility()
         self._check_slots()
         self._check_training()
-        for settings in (self.auvs.motion, self.channel, self.duplex, self.reward):
+        named = self.auvs.motion, self.channel, self.duplex, self.reward, *self.observation.entries
+        for settings in named:
             settings.part.check(self)
         return self
 

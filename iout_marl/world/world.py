@@ -294,11 +294,15 @@ class World:
 
     def reward(self, state: State, events: Events) -> Array:
         """A slot's reward, (envs, auvs); `state` is that after the slot."""
-        total, *others = self.reward_terms(state, events).values()
+        return self.total_reward(self.reward_terms(state, events))
+
+    def total_reward(self, terms: Mapping[str, Array]) -> Array:
+        """The sum of a reward's terms, (envs, auvs)."""
+        total, *others = terms.values()
         for term in others:
             total = total + term
         if total.shape[1] != self.num_auvs:  # all terms are for all AUVs alike
-            total = self.backend.xp.broadcast_to(total, (total.shape[0], self.num_auvs))
+            total = self.nodes.alike(total[:, 0])
         return total
 
     def observe(self, state: State) -> Array:

@@ -77,6 +77,7 @@ class Channel(Part):
 
     def check(self, scenario: Scenario) -> None:
         self.access.check(scenario)
+        self.settings.absorption.part.check(scenario)
 
 
 channels: Registry[type[Channel]] = Registry("channel", Channel)
