@@ -30,6 +30,7 @@ from iout_marl.cli_options import (
     whole,
 )
 from iout_marl.cli_policies import evaluate_all, planner_budget
+from iout_marl.cli_schema import schema
 from iout_marl.cli_studies import report, reproduce
 from iout_marl.cli_tables import SIDE_BY_SIDE, show_columns, show_spread
 from iout_marl.errors import InputError
@@ -343,6 +344,7 @@ def evaluate_command(
 
 
 app.command("bound")(bound_command)
+app.command()(schema)
 app.command()(reproduce)
 app.command()(report)
 
