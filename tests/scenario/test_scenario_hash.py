@@ -54,7 +54,8 @@ def other_values(value):
     if isinstance(value, str):
         return [word for word in WORDS if word != value]
     if isinstance(value, tuple):
-        return [(item, *value[1:]) for item in other_values(value[0])]
+        others = other_values(value[0]) if value else ["time"]
+        return [(item, *value[1:]) for item in others]
     return [1, 0.5, [1.0, 1.0, 2.0], [1.0, 1.0, 1.0, 2.0]]
 
 
