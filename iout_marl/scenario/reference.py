@@ -189,7 +189,7 @@ def _comments(model: type[BaseModel]) -> dict[str, str]:
 def _in_words(values: dict[str, Any]) -> str:
     for many in ("anyOf", "oneOf"):
         if many in values:
-            return " or ".join(_in_words(one) for one in values[many])
+            return "; or ".join(_in_words(one) for one in values[many])
     if "enum" in values or "const" in values:
         return ", ".join(f"`{value}`" for value in values.get("enum", [values.get("const")]))
     kind = values.get("type")
@@ -199,10 +199,10 @@ def _in_words(values: dict[str, Any]) -> str:
     if kind == "array":
         if "prefixItems" in values:
             items = values["prefixItems"]
-            return f"{len(items)}: {_in_words(items[0])}"
+            return f"{len(items)} numbers, each {_in_words(items[0])}"
         least, most = values.get("minItems", 0), values.get("maxItems")
         many = f" of {_number(least)} to {_number(most)}" if most else ""
-        return f"list{many}: {_in_words(values.get('items', {}))}"
+        return f"list{many}, each {_in_words(values.get('items', {}))}"
     return {"boolean": "`true`, `false`", "string": "text", "null": "`null`"}.get(str(kind), "any")
 
 
