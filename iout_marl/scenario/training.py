@@ -52,7 +52,7 @@ class Training(Section):
     max_gradient_norm: Annotated[Positive, Plausible(0, 1e6)]
     #: Bring the advantages of each minibatch to mean 0 and standard deviation 1.
     normalise_advantage: bool
-    #: Let the critic work on returns of mean 0 and spread 1 (PopArt).
+    #: Let the critic work on returns of mean 0 and standard deviation 1 (PopArt).
     normalise_value: bool
     #: Leave the epochs of an update once the policy has moved this far; null for never.
     target_kl: Annotated[Positive, Plausible(0, 100)] | None
@@ -71,10 +71,10 @@ class Training(Section):
     #: of its age and energy: for many nodes.
     node_network: bool = False
     #: Inputs of the networks: `none`, `fixed` (by the observation's ranges) or
-    #: `running` (by mean and spread of what was seen).
+    #: `running` (by mean and standard deviation of what was seen).
     observation_scaling: Literal["none", "fixed", "running"]
-    #: Divisor of the rewards: `none`, `first_rollout` (their spread in it) or
-    #: `running` (the spread of the discounted return so far).
+    #: Divisor of the rewards: `none`, `first_rollout` (their standard deviation in it) or
+    #: `running` (the standard deviation of the discounted return so far).
     reward_scaling: Literal["none", "first_rollout", "running"]
     #: Forbid what is useless (leaving the grid, hearing a node that cannot pay).
     mask_actions: bool
