@@ -19,6 +19,7 @@ from rich.text import Text
 from iout_marl import __version__, startup
 from iout_marl.cli_bound import bound_command
 from iout_marl.cli_errors import reason_of
+from iout_marl.cli_json_schema import schema
 from iout_marl.cli_options import (
     POLICY,
     JsonFile,
@@ -30,7 +31,6 @@ from iout_marl.cli_options import (
     whole,
 )
 from iout_marl.cli_policies import evaluate_all, planner_budget
-from iout_marl.cli_schema import schema
 from iout_marl.cli_studies import report, reproduce
 from iout_marl.cli_tables import SIDE_BY_SIDE, show_columns, show_spread
 from iout_marl.errors import InputError
