@@ -19,6 +19,7 @@ from rich.text import Text
 from iout_marl import __version__, startup
 from iout_marl.cli_bound import bound_command
 from iout_marl.cli_errors import reason_of
+from iout_marl.cli_json_schema import schema
 from iout_marl.cli_options import (
     POLICY,
     Imports,
@@ -354,6 +355,7 @@ def evaluate_command(
 
 
 app.command("bound")(bound_command)
+app.command()(schema)
 app.command()(reproduce)
 app.command()(report)
 

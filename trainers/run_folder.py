@@ -150,7 +150,7 @@ class RunFolder:
                 "version": entry.version,
                 "import": source_of(entry.module),
             }
-            for entry in outside_parts(scenario)
+            for entry in dict.fromkeys(outside_parts(scenario))
         ]
         if outside:
             shape["parts"] = outside

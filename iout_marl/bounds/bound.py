@@ -17,6 +17,8 @@ from iout_marl.bounds.scheduling import least_age_sum
 from iout_marl.bounds.sharing import fits
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
+from iout_marl.scenario.parts import Settings, outside_parts
+from iout_marl.words import listed
 
 #: How long a bound is searched for unless told otherwise.
 USUAL_SECONDS = 60.0
@@ -35,8 +37,9 @@ class Bound:
         scheduling: the bound by ages alone.
         energy_and_travel: the bound that counts energy and travel in too, that by ages alone
             if no higher one was found; None where there is none.
-        validity: for what they hold, and why `energy_and_travel` is None if it is.
+        validity: for what they hold, why `energy_and_travel` is None if it is, and `stated_by`.
         certificate: of the higher of the two, verified.
+        stated_by: the parts from outside whose word is taken for it; empty where there are none.
     """
 
     scenario: str
@@ -45,6 +48,7 @@ class Bound:
     energy_and_travel: float | None
     validity: str
     certificate: Certificate
+    stated_by: str = ""
 
     @property
     def best(self) -> float:
@@ -126,13 +130,15 @@ def bound(
             found.append(sharing)
     certificate = _highest_verified(scenario, found)
     energy_and_travel = certificate.age_sum / node_slots if is_covered(scenario) else None
+    stated_by = _stated_by(scenario)
     return Bound(
         scenario=scenario.name,
         scenario_hash=scenario.hash,
         scheduling=scheduled / node_slots,
         energy_and_travel=energy_and_travel,
-        validity=_validity(scenario),
+        validity="; ".join(filter(None, [_validity(scenario), stated_by])),
         certificate=certificate,
+        stated_by=stated_by,
     )
 
 
@@ -189,3 +195,17 @@ def _validity(scenario: Scenario) -> str:
             f"{scenario.duplex.kind!r} would have to state what a slot does to stored energy"
         )
     return "both bounds hold for every policy"
+
+
+def _stated_by(scenario: Scenario) -> str:
+    """'as stated by part …', of the parts from outside that the bounds take at their word.
+
+    How many uplinks can arrive in a slot, the access part says; where nodes lie, where an AUV can
+    go and what a slot does to stored energy only matters to the bound by energy and travel.
+    """
+    relied_on: list[Settings] = [scenario.channel.part.access.settings]
+    if is_covered(scenario):
+        relied_on += [scenario.duplex, scenario.auvs.motion, scenario.nodes]
+    outside = {entry: None for settings in relied_on for entry in outside_parts(settings)}
+    parts = [f"part {entry.kind!r} ({entry.role})" for entry in outside]
+    return f"as stated by {listed(parts)}" if parts else ""

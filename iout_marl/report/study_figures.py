@@ -42,7 +42,10 @@ def protocol(results: Results, series: Sequence[str], *, intervals: bool = True)
         for runs, names in groups.items()
     ]
     if bounds:
-        sentences.append(f"{_listed(bounds)}: certified, no policy's mean AoI is lower.")
+        found = (record.search for name in bounds for record in results.records(name))
+        stated = dict.fromkeys(filter(None, (search.partition("; ")[2] for search in found)))
+        certified = "certified, no policy's mean AoI is lower"
+        sentences.append(f"{_listed(bounds)}: {', '.join([certified, *stated])}.")
     return " ".join(sentences)
 
 

@@ -64,7 +64,7 @@ def unknown_keys(models: tuple[Model, ...], data: Any, path: KeyPath = ()) -> It
 
 
 def _in_field(field: FieldInfo, value: Any, path: KeyPath) -> Iterator[Unknown]:
-    sections = _sections_of(field)
+    sections = sections_of(field)
     if sections:
         yield from unknown_keys(sections, value, path)
         return
@@ -102,7 +102,7 @@ def _sections(annotation: Any) -> tuple[Model, ...]:
     return ()
 
 
-def _sections_of(field: FieldInfo) -> tuple[Model, ...]:
+def sections_of(field: FieldInfo) -> tuple[Model, ...]:
     """The sections that a field may hold: of a part those of every kind."""
     part = part_of(field)
     return part.models() if part else _sections(field.annotation)
@@ -115,7 +115,7 @@ def all_keys(model: Model) -> Mapping[str, tuple[FieldInfo, ...]]:
     for name, field in model.model_fields.items():
         found[name] = (field,)
         part = part_of(field)
-        for section in _sections_of(field):
+        for section in sections_of(field):
             for key, fields in all_keys(section).items():
                 if key == "kind" and part and part.is_word:
                     continue  # it is written as the word alone
@@ -175,7 +175,7 @@ def ranges_of(model: Model) -> frozenset[str]:
     """The dotted keys of a file that have plausible ranges."""
     found = set(ranges(model))
     for name, field in model.model_fields.items():
-        for section in _sections_of(field):
+        for section in sections_of(field):
             found |= {f"{name}.{key}" for key in ranges_of(section)}
     return frozenset(found)
 

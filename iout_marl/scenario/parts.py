@@ -85,16 +85,14 @@ def _unpickled(role: str, data: dict[str, Any], sources: tuple[str, ...]) -> Set
 
 
 def outside_parts(section: BaseModel) -> Iterator[Entry[Any]]:
-    """What of a scenario comes from outside, each once."""
-    found: dict[Entry[Any], None] = {}
+    """What of a section, or a scenario, comes from outside."""
+    if isinstance(section, Settings) and section.entry.is_outside:
+        yield section.entry
     for name in type(section).model_fields:
         value = getattr(section, name)
         for inner in value if isinstance(value, tuple) else (value,):
-            if isinstance(inner, Settings) and inner.entry.is_outside:
-                found[inner.entry] = None
             if isinstance(inner, BaseModel):
-                found |= dict.fromkeys(outside_parts(inner))
-    yield from found
+                yield from outside_parts(inner)
 
 
 @dataclass(frozen=True)

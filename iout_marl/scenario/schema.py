@@ -44,21 +44,26 @@ class Scenario(Section):
 
     #: What the scenario is called; not part of its hash.
     name: Text = "unnamed"
+    #: What is shown beside its name; not part of its hash.
     description: Text = ""
     #: Keys whose values are meant, though they are beyond what any sea or hardware has:
     #: `[harvester.sensitivity_db]`. In the hash where there are any.
     allow_implausible: Annotated[tuple[str, ...], Field(strict=False, max_length=100)] = ()
     grid: Grid
+    #: Where the nodes lie.
     nodes: Annotated[Settings, PartOf("placement")]
     auvs: Auvs
     episode: Episode
+    #: What sound loses on its way, and what power an uplink takes.
     channel: Annotated[Settings, PartOf("channel")]
     charging: Charging
     harvester: Harvester
     uplink: Uplink
+    #: How charging and uplink share the slot.
     duplex: Annotated[Settings, PartOf("duplex")]
     age: Age = Field(default_factory=Age)
     fairness: Fairness = Field(default_factory=Fairness)
+    #: What a slot is worth to each AUV.
     reward: Annotated[Settings, PartOf("reward")]
     observation: Observation = Field(default_factory=Observation)
     training: Training

@@ -46,6 +46,7 @@ class Auvs(Section):
     #: Number of AUVs; null for one at each start cell. A scenario that lists start cells over
     #: one that counts AUVs means one at each of its own.
     count: Annotated[Count, Field(le=MAX_AUVS), Plausible(1, 100, "AUVs")] | None = None
+    #: Speed of every AUV: with the edge of a cell it gives the length of a slot.
     speed_m_per_s: Annotated[Positive, Plausible(0.001, 30, "m/s")]
     #: The directions that an AUV can take. In a grid of one cell every direction stays.
     motion: Annotated[Settings, PartOf("motion", is_word=True)] = Field(
@@ -60,6 +61,8 @@ class Auvs(Section):
 
 
 class Episode(Section):
+    """How long an episode takes."""
+
     #: Navigation time T; an episode has as many slots as fit in it.
     duration_s: Annotated[Positive, Plausible(0.01, 1e8, "s")]
 
@@ -67,29 +70,40 @@ class Episode(Section):
 class Charging(Section):
     """The acoustic source of an AUV."""
 
+    #: Electric power of the source.
     power_w: Annotated[Positive, Plausible(0, 1e6, "W")]
+    #: Share of the electric power that becomes sound.
     efficiency: Efficiency
+    #: Directivity index of the source: how much louder it is in the direction of the node.
     directivity_index_db: Directivity
 
 
 class Harvester(Section):
     """The receiver with which a node harvests."""
 
-    #: Receiving voltage sensitivity in dB re 1 V/µPa.
+    #: Receiving voltage sensitivity of a hydrophone.
     sensitivity_db: Annotated[Decibels, Plausible(-260, -100, "dB re 1 V/µPa", slips=(-1, 10))]
+    #: Share of the power of the hydrophones that is stored.
     efficiency: Efficiency
+    #: Hydrophones of a node, whose powers add up.
     hydrophones: Annotated[Count, Field(le=10**6), Plausible(1, 1000, "hydrophones")]
+    #: Resistance of the load that takes the power.
     load_resistance_ohm: Annotated[Positive, Plausible(0.01, 1e9, "Ω")]
 
 
 class Uplink(Section):
+    """The packets of the nodes, and the band they are sent in."""
+
+    #: Size of a packet.
     packet_bits: Annotated[Positive, Plausible(1, 1e9, "bit")]
+    #: Width of the band, which AUVs share as `channel.access` says.
     bandwidth_hz: Annotated[Positive, Plausible(10, 1e6, "Hz", slips=(1e3,))]
 
 
 class Age(Section):
     """Age of Information, in slots."""
 
+    #: Age of every node when an episode begins.
     initial: Slots = 1
     #: A_max: ages stop here, and each slot in which one would pass it is a violation.
     maximum: Slots = 50
@@ -106,6 +120,8 @@ class Age(Section):
 
 
 class Fairness(Section):
+    """What an episode's fairness is measured against."""
+
     #: J_min: an episode that ends below it is a violation.
     minimum_jain: Fraction = 0.85
 
@@ -117,6 +133,7 @@ class Observation(Section):
     e/(e + reference), where the reference is the energy of an uplink over half the grid.
     """
 
+    #: How positions, ages and energies are written.
     kind: Literal["paper", "scaled"] = "paper"
     #: Append the positions of the nodes, for layouts that change.
     node_positions: bool = False

@@ -20,9 +20,11 @@ from iout_marl.scenario.fields import (
 class Training(Section):
     """Settings of PPO. `preset` names the file that gives whatever is not given here."""
 
+    #: File of training settings: a bundled one (`fast`, `paper`), or a path.
     preset: Text
     #: Environment steps (one slot of one environment) to train for.
     steps: Annotated[Count, Plausible(1, 10**11, "steps")]
+    #: Environments that are played side by side.
     environments: Annotated[Count, Plausible(1, 100_000, "environments")]
     #: Slots of each environment between two updates.
     rollout_slots: Annotated[Count, Plausible(1, 100_000, "slots")]
@@ -30,26 +32,36 @@ class Training(Section):
     epochs: Annotated[Count, Plausible(1, 1000, "epochs")]
     #: Parts into which a rollout is cut in each epoch.
     minibatches: Annotated[Count, Plausible(1, 10**6, "minibatches")]
-    #: Of any size: a training that diverges says so itself.
+    #: Step size of Adam. Of any size: a training that diverges says so itself.
     learning_rate: Annotated[float, Field(gt=0, le=1e30)]
-    #: `linear` falls to 0 over the training.
+    #: Whether the learning rate stays as it is; `linear` falls to 0 over the training.
     learning_rate_schedule: Literal["constant", "linear"]
+    #: What Adam adds to the root of the mean square of a gradient.
     adam_epsilon: Annotated[Positive, Plausible(0, 1)]
+    #: Discount γ of future rewards.
     discount: Fraction
+    #: λ of generalised advantage estimation.
     gae_lambda: Fraction
+    #: How far the ratio of probabilities, new to old, counts from 1.
     clip: Annotated[Positive, Plausible(0, 10)]
+    #: Weight of the entropy of the policy, which keeps it exploring.
     entropy_coefficient: Annotated[NonNegative, Plausible(0, 10)]
+    #: Weight of the error of the critic.
     value_coefficient: Annotated[NonNegative, Plausible(0, 1000)]
+    #: Norm at which gradients are clipped.
     max_gradient_norm: Annotated[Positive, Plausible(0, 1e6)]
+    #: Bring the advantages of each minibatch to mean 0 and standard deviation 1.
     normalise_advantage: bool
-    #: Let the critic work on returns of mean 0 and spread 1 (PopArt).
+    #: Let the critic work on returns of mean 0 and standard deviation 1 (PopArt).
     normalise_value: bool
     #: Leave the epochs of an update once the policy has moved this far; null for never.
     target_kl: Annotated[Positive, Plausible(0, 100)] | None
+    #: Units of each hidden layer, of actor and critic alike.
     hidden_units: Annotated[
         tuple[Annotated[Count, Plausible(1, 16_384, "units")], ...],
         Field(min_length=1, max_length=100, strict=False),
     ]
+    #: Function behind each hidden layer.
     activation: Literal["tanh", "relu"]
     #: What the critic sees: `own`, the AUV's observation (IPPO), or `central`, the state of the
     #: whole network beside it (MAPPO). With difference rewards it also sees what they are made
@@ -59,10 +71,10 @@ class Training(Section):
     #: of its age and energy: for many nodes.
     node_network: bool = False
     #: Inputs of the networks: `none`, `fixed` (by the observation's ranges) or
-    #: `running` (by mean and spread of what was seen).
+    #: `running` (by mean and standard deviation of what was seen).
     observation_scaling: Literal["none", "fixed", "running"]
-    #: Divisor of the rewards: `none`, `first_rollout` (their spread in it) or
-    #: `running` (the spread of the discounted return so far).
+    #: Divisor of the rewards: `none`, `first_rollout` (their standard deviation in it) or
+    #: `running` (the standard deviation of the discounted return so far).
     reward_scaling: Literal["none", "first_rollout", "running"]
     #: Forbid what is useless (leaving the grid, hearing a node that cannot pay).
     mask_actions: bool

@@ -134,8 +134,8 @@ class Record(Saved):
     built-in ones, of a bound the one that it bounds; a single episode stands for all where
     `deterministic`. `episode` is the first one in full, of policies that were trained (see
     `iout_marl.episode.Episode`). `world_hash` is that of the world that was played: of one
-    layout, where one was drawn. `search` says how a bound was found, or how long a plan was
-    searched for.
+    layout, where one was drawn. `search` says how a bound was found and, after a semicolon, which
+    parts from outside it takes at their word, or how long a plan was searched for.
     """
 
     key: Words

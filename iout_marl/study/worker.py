@@ -61,10 +61,11 @@ def run_cell(cell: Cell, carbon_g_per_kwh: float) -> Output:
 
 def _bound(cell: Cell, scenario: Scenario) -> Output:
     assert cell.bound_seconds is not None
-    data = bound(scenario, seconds=cell.bound_seconds).to_json()
-    search = f"{data['certificate']['kind']}, {cell.bound_seconds:g} s"
-    record = Record.of(cell, {"mean_aoi": [data["best"]]}, _today(), search=search)
-    return Output(record, {"bound.json": (to_json(data, indent=2) + "\n").encode()})
+    found = bound(scenario, seconds=cell.bound_seconds)
+    how = f"{found.certificate.kind}, {cell.bound_seconds:g} s"
+    search = "; ".join(filter(None, [how, found.stated_by]))
+    record = Record.of(cell, {"mean_aoi": [found.best]}, _today(), search=search)
+    return Output(record, {"bound.json": (to_json(found.to_json(), indent=2) + "\n").encode()})
 
 
 def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:

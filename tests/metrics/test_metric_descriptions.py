@@ -1,6 +1,5 @@
 """Metrics are described in one place, and what a user registers is looked at."""
 
-import importlib.util
 import math
 import re
 from pathlib import Path
@@ -62,15 +61,6 @@ class TestDescriptions:
 
 
 class TestPages:
-    def test_tables_are_fresh(self):
-        spec = importlib.util.spec_from_file_location("tables", ROOT / "docs" / "tables.py")
-        tables = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(tables)
-        assert "docs/tables.py" in (ROOT / "Makefile").read_text()
-        for name, (page, table) in tables.TABLES.items():
-            assert tables.written(name) == page.read_text(encoding="utf-8"), "run make docs"
-            assert table().count("\n") == 2 + len(metrics.BUILTIN)
-
     def test_code_of_the_page_runs(self, forgotten_metrics, capsys):
         text = (ROOT / "docs" / "metrics.md").read_text(encoding="utf-8")
         (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)

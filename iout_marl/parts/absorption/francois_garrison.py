@@ -17,9 +17,13 @@ class FrancoisGarrison(Absorption):
     """The formula of Francois and Garrison (1982)."""
 
     class Settings(PartSettings):
+        #: Temperature of the water.
         temperature_c: Annotated[float, Field(ge=-2, le=40)] = 10.0
+        #: Salinity of the water.
         salinity_psu: Annotated[float, Field(gt=0, le=50)] = 35.0
+        #: Depth at which the absorption is taken.
         depth_m: Annotated[float, Field(ge=0, le=11000)] = 200.0
+        #: Acidity of the water.
         ph: Annotated[float, Field(ge=6, le=9)] = 8.0
 
     settings: Settings

@@ -10,7 +10,7 @@ from iout_marl.parts.access.base import Access, Floats, Request, Uplinks, access
 
 @access_rules.register("exclusive")
 class Exclusive(Access):
-    """One uplink in the whole network; where there are more, all fail, their energy spent."""
+    """One uplink a slot in the whole network; two or more all fail, their energy spent."""
 
     def max_uplinks_per_slot(self, num_auvs: int) -> int:  # noqa: ARG002
         return 1

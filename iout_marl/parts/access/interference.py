@@ -19,7 +19,9 @@ _FEW_ROWS = 4
 
 @access_rules.register("interference")
 class Interference(Access):
-    """One band for all. The node that AUV a hears sends with the least power P_a for which
+    """One band for all: nodes send with the least powers that let every packet through.
+
+    The node that AUV a hears sends with the least power P_a for which
 
         P_a / C_aa = γ_a (1 + D_a + Σ_{b≠a} P_b / C_ab),
 

@@ -8,7 +8,11 @@ from iout_marl.parts.access.base import Access, Request, Uplinks, access_rules
 
 @access_rules.register("orthogonal")
 class Orthogonal(Access):
-    """The band is divided evenly: every AUV hears in its own part, and nothing disturbs it."""
+    """The band is divided evenly: every AUV hears in its own part, and nothing disturbs it.
+
+    The same packet in a narrower band costs more energy, with M AUVs about M times as much where
+    it is proportional to 2^(L/(τB)) − 1, as in the channel `table`.
+    """
 
     def num_bands(self, num_auvs: int) -> int:
         return num_auvs

@@ -20,6 +20,7 @@ from iout_marl.scenario.parts import Settings as PartSettings
 class Shared(Section):
     """How several AUVs share the uplink's band; one AUV has it to itself in every kind."""
 
+    #: How several AUVs share the band.
     access: Annotated[PartSettings, PartOf("access", is_word=True)] = Field(
         "orthogonal", validate_default=True
     )
@@ -35,6 +36,7 @@ class Channel(Part):
 
     # `access` comes first, where scenarios have always written it.
     class Settings(PartSettings, Shared):
+        #: What the water itself takes of the sound.
         absorption: Annotated[PartSettings, PartOf("absorption")] = Field(
             {"kind": "thorp"}, validate_default=True
         )

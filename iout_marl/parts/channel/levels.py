@@ -18,9 +18,11 @@ class Levels(Channel):
     """Levels as the paper computes them, but for the attenuation, which kinds differ in."""
 
     class Settings(PartSettings, Shared):
+        #: k_s: 1 for cylindrical spreading, 2 for spherical.
         spreading_factor: Spreading = 1.5
-        #: NL, subtracted from the energy signal too.
+        #: Noise level NL, subtracted from the energy signal too.
         noise_level_db: Annotated[Decibels, Plausible(-20, 200, "dB re 1 µPa")] = 30.0
+        #: What the water itself takes of the sound.
         absorption: Annotated[PartSettings, PartOf("absorption")] = Field(
             {"kind": "thorp"}, validate_default=True
         )

@@ -30,15 +30,19 @@ class Sonar(Channel):
     """Consistent units: the sonar equation, ambient noise in the uplink's band."""
 
     class Settings(PartSettings, Shared):
+        #: k_s: 1 for cylindrical spreading, 2 for spherical.
         spreading_factor: Spreading = 1.5
+        #: What the water itself takes of the sound.
         absorption: Annotated[PartSettings, PartOf("absorption")] = Field(
             {"kind": "thorp"}, validate_default=True
         )
         #: Shipping activity of Wenz's noise, from 0 to 1.
         shipping: Fraction = 0.5
+        #: Wind speed of Wenz's noise.
         wind_m_per_s: Annotated[NonNegative, Field(le=1000), Plausible(0, 100, "m/s")] = 0.0
         #: Electro-acoustic efficiency of a node's transmitter.
         uplink_efficiency: Efficiency = 0.5
+        #: Directivity index of a node's transmitter.
         uplink_directivity_index_db: Directivity = 0.0
 
     settings: Settings

@@ -22,7 +22,9 @@ class FrequencyDivision(Duplex):
     """Charging and uplink at once, in two bands, both for the whole slot, of any two nodes."""
 
     class Settings(PartSettings):
+        #: Of the sound that charges.
         charging_frequency_khz: Frequency = 40.0
+        #: In the middle of the uplink's band.
         uplink_frequency_khz: Frequency = 30.0
 
     settings: Settings

@@ -26,12 +26,15 @@ class TimeDivision(Duplex):
     """One band and one node a slot: charging for βτ, uplink for (1 − β)τ."""
 
     class Settings(PartSettings):
+        #: Of the sound that charges, and in the middle of the uplink's band.
         frequency_khz: Frequency = 40.0
         #: How β follows from the energy balance.
         beta_rule: Annotated[PartSettings, PartOf("beta rule", is_word=True)] = Field(
             "paper", validate_default=True
         )
+        #: β_min: least share of a slot for charging, where there is any.
         beta_min: Fraction = 0.1
+        #: β_max: largest share of a slot for charging in which something is sent.
         beta_max: Fraction = 0.9
         #: Whether the AUVs charge at the same time; if not, one that charges disturbs those that
         #: listen (`channel.access: interference`).

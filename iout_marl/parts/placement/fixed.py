@@ -21,6 +21,7 @@ class Fixed(Placement):
     """Nodes at given cells."""
 
     class Settings(PartSettings):
+        #: Cells of the nodes, each as x, y and z counted from 1.
         cells: Annotated[tuple[Cell, ...], Field(min_length=1, max_length=MAX_NODES, strict=False)]
         #: How many of `cells` hold a node, from the first on; null for all. A scenario that lists
         #: cells over one that counts them means all of its own.

@@ -21,6 +21,7 @@ class Random(Placement):
     """Nodes at cells drawn at random, no two in one cell."""
 
     class Settings(PartSettings):
+        #: Number of nodes K.
         count: NumNodes
         #: Draw anew for every episode, or once for a run (from the run's seed).
         redraw: Literal["run", "episode"] = "episode"

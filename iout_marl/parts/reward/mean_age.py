@@ -22,6 +22,8 @@ class MeanAge(Reward):
     class Settings(PartSettings):
         #: w, in slots of mean age: what fairness is worth. Where the paper multiplies, this adds.
         fairness_weight: Annotated[NonNegative, Plausible(0, 1e6, "slots")] = 0.0
+        #: Whom the age of the network is credited to: `team`, every AUV gets it; `difference`,
+        #: every AUV gets what it has added (Wolpert and Tumer, 2001).
         credit: Credit = "team"
 
         hash_defaults: ClassVar[dict[str, Any]] = {"credit": "team", "fairness_weight": 0.0}

@@ -43,6 +43,8 @@ class Paper(Reward):
         occurrence_penalty: Term = 10.0
         #: Each node not served so far in the episode, in every slot.
         unserved_penalty: Term = 0.0
+        #: Whom the age of the network is credited to: `team`, every AUV gets it; `difference`,
+        #: every AUV gets what it has added (Wolpert and Tumer, 2001).
         credit: Credit = "team"
 
         hash_defaults: ClassVar[dict[str, Any]] = {"credit": "team", "separation_penalty": 10.0}

@@ -1,0 +1,50 @@
+"""Tables that pages have from the software are as it is now, and tell of all that there is."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+from iout_marl import load_scenario, metrics
+from iout_marl.registry import registries
+from iout_marl.scenario.yaml_values import read_yaml
+
+ROOT = Path(__file__).parents[1]
+SPEC = importlib.util.spec_from_file_location("tables", ROOT / "docs" / "tables.py")
+TABLES = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(TABLES)
+PAGE = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", TABLES.TABLES)
+def test_is_fresh(name):
+    page, _ = TABLES.TABLES[name]
+    assert TABLES.written(name) == page.read_text(encoding="utf-8"), "run make docs"
+
+
+def test_is_made_by_make_docs():
+    assert "docs/tables.py" in (ROOT / "Makefile").read_text()
+
+
+def test_every_metric_has_a_row():
+    assert TABLES.metrics_table().count("\n") == 2 + len(metrics.BUILTIN)
+
+
+@pytest.mark.parametrize("registry", registries(), ids=lambda registry: registry.role)
+def test_every_kind_has_a_row(registry):
+    _, _, kinds = PAGE.partition(f"## Kinds of {registry.role}\n")
+    rows = re.findall(r"^\| `(\w+)` \|", kinds.partition("\n#")[0], flags=re.MULTILINE)
+    assert rows == list(registry.kinds)
+
+
+def test_the_example_can_be_loaded():
+    (text,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    scenario = load_scenario(read_yaml(text, "example")[0])
+    assert (scenario.num_nodes, scenario.auvs.motion.kind) == (12, "hover")
+
+
+def test_links_within_the_page_lead_somewhere():
+    headings = re.findall(r"^## (.*)$", PAGE, flags=re.MULTILINE)
+    anchors = {heading.lower().replace(" ", "-").replace("`", "") for heading in headings}
+    assert set(re.findall(r"\(#([\w-]+)\)", PAGE)) <= anchors
