@@ -12,6 +12,8 @@ from iout_marl.core.grid import Grid
 from iout_marl.core.link import Link
 from iout_marl.core.representation import Representation
 from iout_marl.core.view import View
+from iout_marl.errors import InputError
+from iout_marl.registry import Entry
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.parts import Settings as PartSettings
 
@@ -45,8 +47,9 @@ class Context:
 
 def at_work(settings: Any, world: Context) -> Any:
     """A part of one world, set up for it; `settings` are a scenario's."""
-    part = settings.entry.item(settings)
-    part.setup(world)
+    with settings.entry.blamed():
+        part = settings.entry.item(settings)
+        part.setup(world)
     return part
 
 
@@ -78,6 +81,20 @@ class Part:
         Raises:
             pydantic_core.PydanticCustomError: they do not; by `iout_marl.scenario.fields.invalid`.
         """
+
+    def check_stated(self, scenario: Scenario) -> None:
+        """See that what it states of itself is what its role asks for.
+
+        Parts from outside are asked when a scenario names them.
+
+        Raises:
+            InputError: it is something else.
+        """
+
+    def fault(self, message: str) -> InputError:
+        """An error that says which part is at fault."""
+        entry: Entry[Any] = self.settings.entry
+        return entry.fault(message)
 
     def setup(self, world: Context) -> None:
         """Make ready to work in a world: tables and constants on its device."""

@@ -38,7 +38,7 @@ class Observer:
         self.entries: tuple[Entry, ...] = tuple(
             at_work(settings, context) for settings in scenario.seen
         )
-        self.agent_ranges = Ranges.joined([entry.ranges() for entry in self.entries])
+        self.agent_ranges = Ranges.joined([entry.stated_ranges() for entry in self.entries])
         ends = list(itertools.accumulate(entry.size for entry in self.entries))
         self.node_entries = tuple(
             slice(end - entry.size, end)
