@@ -63,7 +63,12 @@ class Part:
         Settings: the keys that a scenario file has for it, a subclass of `parts.Settings`.
         settings: their values.
         xp: namespace of the array library, once it is set up.
+        nodes_are_alike, auvs_are_alike: whether what it makes of nodes, and of AUVs, does not
+            depend on how they are numbered: where they are permuted, so are its results.
     """
+
+    nodes_are_alike: ClassVar[bool] = True
+    auvs_are_alike: ClassVar[bool] = True
 
     if TYPE_CHECKING:
         Settings: ClassVar[type[PartSettings]]

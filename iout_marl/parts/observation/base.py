@@ -45,33 +45,31 @@ class Entry(Part):
         if not isinstance(self.unit, str):
             raise self.fault(f"unit must be a text, not {short(self.unit)}")
 
-    def stated_ranges(self) -> Ranges:
-        """What `ranges` gives; of a part from outside, after a look at it.
+    def checked_ranges(self) -> Ranges:
+        """What `ranges` gives, after a look at it.
 
         Raises:
             InputError: it does not go with `size`, or with itself.
         """
-        entry = self.settings.entry
-        if not entry.is_outside:
-            return self.ranges()
-        with entry.blamed():
-            try:
-                size = whole_number(self.size, 1)
-            except ValueError as error:
-                raise self.fault(f"size {error}") from None
-            ranges = self.ranges()
-            for name in ("low", "high", "scale"):
-                shape = np.shape(getattr(ranges, name))
-                if shape != (size,):
-                    raise self.fault(
-                        f"ranges().{name} must have shape {(size,)}, as size says, not {shape}"
-                    )
-                if not np.isfinite(getattr(ranges, name)).all():
-                    raise self.fault(f"ranges().{name} must be finite")
-            if not (ranges.low <= ranges.high).all():
-                raise self.fault("low must not exceed high")
-            if not (ranges.scale > 0).all():
-                raise self.fault("scale must be above 0")
+        try:
+            size = whole_number(self.size, 1)
+        except ValueError as error:
+            raise self.fault(f"size {error}") from None
+        if self.feeds_node_network and size != self.world.scenario.num_nodes:
+            raise self.fault(f"feeds_node_network: size must be one for each node, not {size}")
+        ranges = self.ranges()
+        for name in ("low", "high", "scale"):
+            shape = np.shape(getattr(ranges, name))
+            if shape != (size,):
+                raise self.fault(
+                    f"ranges().{name} must have shape {(size,)}, as size says, not {shape}"
+                )
+            if not np.isfinite(getattr(ranges, name)).all():
+                raise self.fault(f"ranges().{name} must be finite")
+        if not (ranges.low <= ranges.high).all():
+            raise self.fault("low must not exceed high")
+        if not (ranges.scale > 0).all():
+            raise self.fault("scale must be above 0")
         return ranges
 
     def for_every_auv(self, values: Array) -> Array:

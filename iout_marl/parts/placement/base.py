@@ -58,28 +58,30 @@ class Placement(Part):
             )
 
     def drawn(self, grid: Grid, rng: np.random.Generator) -> npt.NDArray[np.int64]:
-        """What `draw` gives; of a part from outside, after a look at it.
+        """What `draw` gives; of a part from outside what `checked_draw` does."""
+        entry = self.settings.entry
+        with entry.blamed():
+            return self.checked_draw(grid, rng) if entry.is_outside else self.draw(grid, rng)
+
+    def checked_draw(self, grid: Grid, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+        """What `draw` gives, after a look at it.
 
         Raises:
             InputError: it is no cells of the grid.
         """
-        entry = self.settings.entry
-        if not entry.is_outside:
-            return self.draw(grid, rng)
-        with entry.blamed():
-            cells = np.asarray(self.draw(grid, rng))
-            shape = (self.num_nodes, 3)
-            if cells.shape != shape or cells.dtype.kind not in "iu":
-                raise self.fault(
-                    f"draw must give whole numbers of shape {shape}, the nodes' cells, "
-                    f"not {cells.dtype} of shape {cells.shape}"
-                )
-            outside = ((cells < 0) | (cells >= grid.shape)).any(axis=1)
-            if outside.any():
-                raise self.fault(
-                    f"draw gives the cell {cells[outside][0].tolist()}; coordinates count from "
-                    f"0 and stay below {list(grid.shape)}"
-                )
+        cells = np.asarray(self.draw(grid, rng))
+        shape = (self.num_nodes, 3)
+        if cells.shape != shape or cells.dtype.kind not in "iu":
+            raise self.fault(
+                f"draw must give whole numbers of shape {shape}, the nodes' cells, "
+                f"not {cells.dtype} of shape {cells.shape}"
+            )
+        outside = ((cells < 0) | (cells >= grid.shape)).any(axis=1)
+        if outside.any():
+            raise self.fault(
+                f"draw gives the cell {cells[outside][0].tolist()}; coordinates count from "
+                f"0 and stay below {list(grid.shape)}"
+            )
         return cells.astype(np.int64)
 
     def draw(self, grid: Grid, rng: np.random.Generator) -> npt.NDArray[np.int64]:
