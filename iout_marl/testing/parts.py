@@ -79,13 +79,18 @@ def check_part(
         seeds: of layouts and actions.
 
     Raises:
-        InputError: no such role or kind.
+        InputError: no such role, kind or scenario, or a fault in it.
         AssertionError: the first contract that fails: role, kind, contract, where.
     """
     entry = _entry(role, kind)
     subject = _Subject(entry, {"kind": kind, **(settings or {})})
+    if scenario is None:
+        bases = dict(_bases(entry.role, overrides))
+    else:
+        base = load_scenario(scenario, overrides)
+        bases = {base.name: base}
     with subject.contract("in a scenario"):
-        worlds = dict(_worlds(subject, scenario, overrides))
+        worlds = dict(subject.put_into(bases))
     for name, world in worlds.items():
         for contract, check in CONTRACTS.items():
             with subject.contract(contract, name):
@@ -131,6 +136,23 @@ class _Subject:
             line = InputError(f"{of}{name}: {what.replace(of, '')}{place}")
             raise AssertionError(str(line)) from error
 
+    def put_into(self, bases: Mapping[str, Scenario]) -> Iterator[tuple[str, Scenario]]:
+        """The scenarios with the part, but for those that it refuses, if not all of them.
+
+        Raises:
+            InputError: it refuses all.
+        """
+        role = self.entry.role
+        data = [self.data] if role == "observation entry" else self.data
+        refusals = []
+        for name, base in bases.items():
+            try:
+                yield name, load_scenario(base, {_key(role): data})
+            except InputError as error:  # it may not be for all worlds
+                refusals.append(error)
+        if len(refusals) == len(bases):
+            raise refusals[0]
+
     def settings(self, scenario: Scenario) -> Settings:
         """The part's settings in a scenario."""
         return next(s for _, s in parts_in(scenario) if self.is_it(s))
@@ -140,34 +162,13 @@ class _Subject:
         return settings.entry == self.entry
 
 
-def _worlds(
-    subject: _Subject, scenario: AnyScenario | None, overrides: Overrides
-) -> Iterator[tuple[str, Scenario]]:
-    """Scenarios with the part, by name."""
-    role = subject.entry.role
-    key, data = _key(role), [subject.data] if role == "observation entry" else subject.data
-    if scenario is not None:
-        base = load_scenario(scenario, overrides)
-        yield base.name, load_scenario(base, {key: data})
-        return
-    refusal, found = None, 0
-    for name, (base_name, changes) in WORLDS.items():
-        needs_tdd = role == "beta rule"
+def _bases(role: str, overrides: Overrides) -> Iterator[tuple[str, Scenario]]:
+    """Scenarios for a part of a role, by name."""
+    for name, (base, changes) in WORLDS.items():
         # A duplex part stands in for either; its worlds are those for the paper's first.
-        if (needs_tdd and "TDD" not in name) or (role == "duplex" and "FDD" not in name):
-            continue
-        if role == "access" and "one band" in name:
-            continue
-        base = load_scenario(load_scenario(base_name, changes), overrides)
-        try:
-            world = load_scenario(base, {key: data})
-        except InputError as error:  # it may not be for all worlds
-            refusal = error
-            continue
-        found += 1
-        yield name, world
-    if refusal and not found:
-        raise refusal
+        is_out = {"beta rule": "TDD" not in name, "duplex": "FDD" not in name}
+        if not is_out.get(role) and not (role == "access" and "one band" in name):
+            yield name, load_scenario(load_scenario(base, changes), overrides)
 
 
 def _key(role: str) -> str:
