@@ -84,7 +84,7 @@ class Part:
         """See that the settings go together with those of others.
 
         Raises:
-            pydantic_core.PydanticCustomError: they do not; by `iout_marl.scenario.fields.invalid`.
+            pydantic_core.PydanticCustomError: they do not; by `parts.invalid`.
         """
 
     def check_stated(self, scenario: Scenario) -> None:

@@ -52,7 +52,6 @@ class TddLink:
         source_level = physics.source_level_db(
             s.charging.power_w, s.charging.efficiency, s.charging.directivity_index_db
         )
-        assert s.channel.kind != "sonar"
         noise = s.channel.noise_level_db
         kappa_2 = physics.kappa_2(
             float(source_level),
@@ -74,7 +73,6 @@ class TddLink:
     def approximate_j(self, distance_m: npt.ArrayLike) -> Floats:
         """The paper's approximation κ·10^(AL/10), with κ as it prints it, in J."""
         s = self.scenario
-        assert s.channel.kind != "sonar"
         kappa = physics.kappa(s.uplink.packet_bits, s.uplink.bandwidth_hz, s.channel.noise_level_db)
         loss = self.budget.attenuation_db(np.asarray(distance_m), self.budget.uplink_frequency_khz)
         return physics.approximate_required_energy_j(loss, round(float(kappa), 3))
