@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import inspect
 import re
+import traceback
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -48,8 +50,40 @@ class Entry(Generic[Item]):
 
     @property
     def is_outside(self) -> bool:
-        """Whether it does not come with this package."""
+        """Whether somebody else has brought it."""
         return self.version is not None
+
+    def fault(self, message: str) -> InputError:
+        """An error that says which entry is at fault."""
+        return InputError(f"{self.role} {self.kind!r}: {message}")
+
+    @contextmanager
+    def blamed(self) -> Iterator[None]:
+        """Says of what an entry from outside raises meanwhile that it has, and where.
+
+        Raises:
+            InputError: in its place.
+        """
+        try:
+            yield
+        except (InputError, MemoryError):
+            raise
+        except Exception as error:
+            if not self.is_outside:
+                raise
+            where = _place_in(self.item, error)
+            raise self.fault(f"raises {type(error).__name__}: {error}{where}") from error
+
+
+def _place_in(item: Any, error: BaseException) -> str:
+    """The file and the line where an error has arisen, of the item's own file if it is there."""
+    frames = list(traceback.extract_tb(error.__traceback__))
+    try:
+        own = inspect.getfile(item)
+    except (OSError, TypeError):  # typed at a prompt
+        own = ""
+    frames = [frame for frame in frames if frame.filename == own] or frames
+    return f" ({frames[-1].filename}:{frames[-1].lineno})"
 
 
 class Registry(Generic[Item]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from decimal import Decimal
 from numbers import Real
 from typing import Any
@@ -47,6 +48,13 @@ def whole_argument(name: str, value: Any, least: int, most: int | None = None) -
         return whole_number(value, least, most)
     except ValueError as error:
         raise InputError(f"{name} {error}") from None
+
+
+def is_number(value: Any, least: float = -math.inf, most: float = math.inf) -> bool:
+    """Whether it is a finite number within these."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return False
+    return math.isfinite(value) and least <= float(value) <= most
 
 
 def short(value: Any) -> str:

@@ -27,7 +27,15 @@ from iout_marl.parts.motion import Motion, motions
 from iout_marl.parts.observation import Entry, entries
 from iout_marl.parts.placement import Placement, placements
 from iout_marl.parts.reward import Reward, rewards
-from iout_marl.scenario.fields import Count, Decibels, Fraction, NonNegative, Plausible, Positive
+from iout_marl.scenario.fields import (
+    Count,
+    Decibels,
+    Fraction,
+    NonNegative,
+    Plausible,
+    Positive,
+    invalid,
+)
 from iout_marl.scenario.parts import PartOf, Settings
 
 __all__ = [
@@ -59,6 +67,7 @@ __all__ = [
     "channels",
     "duplexes",
     "entries",
+    "invalid",
     "motions",
     "placements",
     "rewards",

@@ -12,6 +12,8 @@ from iout_marl.core.grid import Grid
 from iout_marl.core.link import Link
 from iout_marl.core.representation import Representation
 from iout_marl.core.view import View
+from iout_marl.errors import InputError
+from iout_marl.registry import Entry
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.parts import Settings as PartSettings
 
@@ -45,8 +47,9 @@ class Context:
 
 def at_work(settings: Any, world: Context) -> Any:
     """A part of one world, set up for it; `settings` are a scenario's."""
-    part = settings.entry.item(settings)
-    part.setup(world)
+    with settings.entry.blamed():
+        part = settings.entry.item(settings)
+        part.setup(world)
     return part
 
 
@@ -60,7 +63,12 @@ class Part:
         Settings: the keys that a scenario file has for it, a subclass of `parts.Settings`.
         settings: their values.
         xp: namespace of the array library, once it is set up.
+        nodes_are_alike, auvs_are_alike: whether what it makes of nodes, and of AUVs, does not
+            depend on how they are numbered: where they are permuted, so are its results.
     """
+
+    nodes_are_alike: ClassVar[bool] = True
+    auvs_are_alike: ClassVar[bool] = True
 
     if TYPE_CHECKING:
         Settings: ClassVar[type[PartSettings]]
@@ -76,8 +84,22 @@ class Part:
         """See that the settings go together with those of others.
 
         Raises:
-            pydantic_core.PydanticCustomError: they do not; by `iout_marl.scenario.fields.invalid`.
+            pydantic_core.PydanticCustomError: they do not; by `parts.invalid`.
         """
+
+    def check_stated(self, scenario: Scenario) -> None:
+        """See that what it states of itself is what its role asks for.
+
+        Parts from outside are asked when a scenario names them.
+
+        Raises:
+            InputError: it is something else.
+        """
+
+    def fault(self, message: str) -> InputError:
+        """An error that says which part is at fault."""
+        entry: Entry[Any] = self.settings.entry
+        return entry.fault(message)
 
     def setup(self, world: Context) -> None:
         """Make ready to work in a world: tables and constants on its device."""

@@ -18,6 +18,7 @@ from pydantic_core import CoreSchema, core_schema
 from iout_marl.outside import bring_in, brought_in, source_of
 from iout_marl.registry import Entry, registries, registry_of
 from iout_marl.scenario.fields import Section
+from iout_marl.scenario.places import KeyPath
 
 
 class Settings(Section):
@@ -144,6 +145,19 @@ def _to_word(value: Settings, info: SerializationInfo) -> Any:
 def part_of(field: FieldInfo) -> PartOf | None:
     """What part a field holds, if it does."""
     return next((found for found in field.metadata if isinstance(found, PartOf)), None)
+
+
+def parts_in(section: BaseModel, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Settings]]:
+    """The settings of every part of a scenario, and where they stand; parts of parts follow."""
+    for name in type(section).model_fields:
+        value = getattr(section, name)
+        places = enumerate(value) if isinstance(value, tuple) else [(None, value)]
+        for i, item in places:
+            if isinstance(item, BaseModel):
+                here = (*path, name) if i is None else (*path, name, i)
+                if isinstance(item, Settings):
+                    yield here, item
+                yield from parts_in(item, here)
 
 
 def part_models() -> tuple[type[Settings], ...]:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from iout_marl.errors import did_you_mean
+from iout_marl.errors import InputError, did_you_mean
 from iout_marl.registry import on_change
 from iout_marl.scenario.fields import (
     Section,
@@ -18,7 +18,7 @@ from iout_marl.scenario.fields import (
     invalid,
 )
 from iout_marl.scenario.keys import all_keys, forget_keys, implausible, key_of, ranges_of
-from iout_marl.scenario.parts import PartOf, Settings, part_models, settings_of
+from iout_marl.scenario.parts import PartOf, Settings, part_models, parts_in, settings_of
 from iout_marl.scenario.places import shorten
 from iout_marl.scenario.sections import (
     Age,
@@ -83,15 +83,25 @@ class Scenario(Section):
     @model_validator(mode="after")
     def _check_as_a_whole(self) -> Self:
         self._check_grid()
+        self._check_parts_from_outside()
         self.nodes.part.check(self)
         self._check_starts()
         self._check_plausibility()
         self._check_slots()
         self._check_training()
-        named = self.auvs.motion, self.channel, self.duplex, self.reward, *self.observation.entries
-        for settings in named:
+        entries = self.observation.entries
+        for settings in (self.auvs.motion, self.channel, self.duplex, self.reward, *entries):
             settings.part.check(self)
         return self
+
+    def _check_parts_from_outside(self) -> None:
+        for path, settings in parts_in(self):
+            if settings.entry.is_outside:
+                try:
+                    with settings.entry.blamed():
+                        settings.part.check_stated(self)
+                except InputError as error:
+                    raise invalid(path, str(error)) from error
 
     def _check_plausibility(self) -> None:
         doubts = [

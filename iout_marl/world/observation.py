@@ -38,7 +38,7 @@ class Observer:
         self.entries: tuple[Entry, ...] = tuple(
             at_work(settings, context) for settings in scenario.seen
         )
-        self.agent_ranges = Ranges.joined([entry.ranges() for entry in self.entries])
+        self.agent_ranges = Ranges.joined([_ranges(entry) for entry in self.entries])
         ends = list(itertools.accumulate(entry.size for entry in self.entries))
         self.node_entries = tuple(
             slice(end - entry.size, end)
@@ -112,3 +112,10 @@ class Observer:
         if self._is_credited_apart:
             parts += [represent.age_ranges(), represent.count_ranges()]
         return Ranges.joined(parts) if parts else None
+
+
+def _ranges(entry: Entry) -> Ranges:
+    """Of an entry; of one from outside, after a look at them."""
+    registered = entry.settings.entry
+    with registered.blamed():
+        return entry.checked_ranges() if registered.is_outside else entry.ranges()

@@ -27,9 +27,9 @@ def node_codes(
     """
     placement: Placement = scenario.nodes.part
     if placement.redraws == "never":
-        codes = grid.encode(placement.draw(grid, np.random.default_rng(0)))
+        codes = grid.encode(placement.drawn(grid, np.random.default_rng(0)))
         return np.tile(codes, (len(rngs), 1))
-    return np.stack([grid.encode(placement.draw(grid, rng)) for rng in rngs])
+    return np.stack([grid.encode(placement.drawn(grid, rng)) for rng in rngs])
 
 
 def start_cells(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
@@ -66,7 +66,7 @@ def pin_layout(scenario: Scenario, seed: int) -> Scenario:
     if not draws_layout_once(scenario):
         return scenario
     placement: Placement = scenario.nodes.part
-    drawn = placement.draw(Grid(scenario.grid.cells), np.random.default_rng(seed)) + 1
+    drawn = placement.drawn(Grid(scenario.grid.cells), np.random.default_rng(seed)) + 1
     pinned = {"kind": "fixed", "cells": drawn.tolist(), "weights": placement.weights}
     nodes = settings_of("placement", pinned)
     return scenario.model_copy(update={"nodes": nodes})

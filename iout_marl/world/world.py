@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -23,12 +24,14 @@ from iout_marl.metrics import Metric, registered
 from iout_marl.parts import Access, Context, Duplex, Request, Reward, at_work
 from iout_marl.physics.arrays import Array, cast
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario
+from iout_marl.scenario.parts import parts_in
 from iout_marl.whole import MAX_SEED, whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
 from iout_marl.world.placement import node_codes, start_cells
+from iout_marl.world.watch import check_first_slot
 
 #: Changes whenever the same scenario, seed and actions would lead elsewhere, rounding apart.
 WORLD_VERSION = 0
@@ -129,6 +132,13 @@ class World:
         # Of every node: NumPy compares two arrays faster than an array and a number.
         nowhere = backend.zeros((num_envs, self.num_nodes))
         self._maximum_age = nowhere + float(scenario.age.maximum)
+        self._check_parts(library, dtype, device)
+
+    def _check_parts(self, library: Any, dtype: str, device: Any) -> None:
+        """Look at what parts from outside return in a first slot: once, on arrays of this kind."""
+        is_from_outside = any(part.entry.is_outside for _, part in parts_in(self.scenario))
+        if is_from_outside and isinstance(library, ModuleType):
+            check_first_slot(_Unchecked, self.scenario, library, dtype, device)
 
     def reset(
         self, node_cell: npt.NDArray[np.int64] | None = None, *, seed: int | None = None
@@ -360,6 +370,13 @@ class World:
         """Slots of the episode that are over, at least 1, as floats: (envs,)."""
         xp = self.backend.xp
         return xp.maximum(xp.astype(state.slot, state.age.dtype), self._one)
+
+
+class _Unchecked(World):
+    """A world whose parts are about to be looked at."""
+
+    def _check_parts(self, library: Any, dtype: str, device: Any) -> None:
+        pass
 
 
 def _over_auvs(xp: Any, values: Array) -> Array:

@@ -249,7 +249,7 @@ class Endless(AUVParallelEnv):
 
 
 def test_an_episode_without_an_end_is_found(monkeypatch):
-    monkeypatch.setattr(testing, "MAX_SLOTS", 50)
+    monkeypatch.setattr(testing.environments, "MAX_SLOTS", 50)
     must_fail(testing.check_contained, lambda: Endless(WORLD), "no end within 50 slots")
 
 
@@ -691,7 +691,7 @@ def test_fault_of_a_batched_environment_is_found(broken, message):
 
 
 def test_a_batch_without_an_end_is_found(monkeypatch):
-    monkeypatch.setattr(testing, "MAX_SLOTS", SLOTS)
+    monkeypatch.setattr(testing.environments, "MAX_SLOTS", SLOTS)
     with pytest.raises(AssertionError, match=f"no end within {SLOTS} slots"):
         testing.check_vector_env(lambda: AUVVectorEnv(WORLD, 2), lambda: AUVEnv(WORLD))
 

@@ -11,7 +11,17 @@ from tiny_study import TINY
 
 import iout_marl
 import trainers
-from iout_marl import InputError, Scenario, World, bounds, envs, iout_v0, load_scenario
+from iout_marl import (
+    InputError,
+    Scenario,
+    World,
+    bounds,
+    envs,
+    iout_v0,
+    load_scenario,
+    parts,
+    testing,
+)
 from iout_marl.envs import AUVEnv, AUVParallelEnv, AUVVectorEnv
 from iout_marl.scenario import to_yaml
 
@@ -50,6 +60,24 @@ def evaluated_slots(scenario, overrides):
     iout_marl.evaluate(scenario, lambda o: seen.append(o) or o[..., :3].astype(int) * 0, 1,
                        overrides=overrides)  # fmt: skip
     return len(seen)
+
+
+def checked_slots(scenario, overrides):
+    seen = []
+
+    class Mine(parts.Reward):
+        def check(self, scenario):
+            seen.append(scenario.num_slots)
+
+        def __call__(self, state, events):
+            return {"age": -state.mean_age[:, None]}
+
+    parts.rewards.register("mine", version=1)(Mine)
+    try:
+        testing.check_part("reward", "mine", scenario=scenario, overrides=overrides, seeds=[0])
+    finally:
+        parts.rewards.unregister("mine")
+    return seen[-1]
 
 
 #: Of each, the slots of an episode of the scenario that it has made of its arguments.
@@ -94,6 +122,7 @@ TAKES = {
         bounds.verified_age_sum(
             s, bounds.bound(load_scenario(s, o), seconds=0).certificate, overrides=o
         ), s, o),
+    "iout_marl.testing.check_part": lambda s, o, _: checked_slots(s, o),
     "gymnasium.make": lambda s, o, _: gymnasium.make(
         "iout_marl:AUV-v0", scenario=s, overrides=o
     ).unwrapped.scenario.num_slots,

@@ -54,7 +54,7 @@ def other_values(value):
     if isinstance(value, str):
         return [word for word in WORDS if word != value]
     if value == ():
-        return [["time"]]
+        return [("time",)]
     if isinstance(value, tuple):
         return [(item, *value[1:]) for item in other_values(value[0])]
     return [1, 0.5, [1.0, 1.0, 2.0], [1.0, 1.0, 1.0, 2.0]]

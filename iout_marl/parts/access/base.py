@@ -16,6 +16,7 @@ from iout_marl.core.split import Split
 from iout_marl.parts.base import Context, Part
 from iout_marl.physics.arrays import Array
 from iout_marl.registry import Registry
+from iout_marl.scenario import Scenario
 
 Floats = npt.NDArray[np.float64]
 
@@ -57,6 +58,15 @@ class Access(Part):
     def max_uplinks_per_slot(self, num_auvs: int) -> int:
         """The most uplinks that can arrive in a slot."""
         return num_auvs
+
+    def check_stated(self, scenario: Scenario) -> None:
+        auvs = scenario.num_auvs
+        for name, count in {
+            "num_bands": self.num_bands(auvs),
+            "max_uplinks_per_slot": self.max_uplinks_per_slot(auvs),
+        }.items():
+            if not (isinstance(count, int) and not isinstance(count, bool) and count >= 1):
+                raise self.fault(f"{name}({auvs}) must be a whole number from 1, not {count!r}")
 
     def setup(self, world: Context) -> None:
         super().setup(world)

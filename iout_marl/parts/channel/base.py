@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from iout_marl.parts.absorption import Absorption
@@ -15,6 +16,7 @@ from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import Section
 from iout_marl.scenario.parts import PartOf
 from iout_marl.scenario.parts import Settings as PartSettings
+from iout_marl.whole import is_number
 
 
 class Shared(Section):
@@ -80,6 +82,31 @@ class Channel(Part):
     def check(self, scenario: Scenario) -> None:
         self.access.check(scenario)
         self.settings.absorption.part.check(scenario)
+
+    def check_stated(self, scenario: Scenario) -> None:
+        if not is_number(self.charging_noise_db):
+            raise self.fault(f"charging_noise_db must be a number, not {self.charging_noise_db!r}")
+        for key, gain_db in self.harvest_db().items():
+            if not is_number(gain_db):
+                raise self.fault(f"harvest_db() must map keys to numbers, but {key} to {gain_db!r}")
+        watts = self.as_uplink_w(1.0)
+        if not is_number(watts, 0):
+            raise self.fault(f"as_uplink_w(1.0) must be a number from 0, not {watts!r}")
+        distance_m = np.array([0.0, 1.0, 2.0]) * scenario.grid.spacing_m
+        khz, hertz = scenario.duplex.part.uplink_frequency_khz, scenario.uplink.bandwidth_hz
+        with np.errstate(all="ignore"):
+            for name, values in {
+                "attenuation_db": self.attenuation_db(distance_m, khz),
+                "power_per_snr_w": self.power_per_snr_w(distance_m, khz, hertz),
+            }.items():
+                found = np.asarray(values)
+                if found.shape != distance_m.shape or found.dtype.kind not in "fiu":
+                    raise self.fault(
+                        f"{name}: must be a number for each of 3 distances, not {found.dtype} "
+                        f"of shape {found.shape}"
+                    )
+                if np.isnan(found).any():
+                    raise self.fault(f"{name}: is not a number at {khz:g} kHz")
 
 
 channels: Registry[type[Channel]] = Registry("channel", Channel)

@@ -14,6 +14,9 @@ from iout_marl.core.whole_levels import WholeLevels
 from iout_marl.parts.base import Part
 from iout_marl.physics.arrays import Array
 from iout_marl.registry import Registry
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.fields import SMALLEST
+from iout_marl.whole import is_number, short
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -65,6 +68,16 @@ class Duplex(Part):
     def charging_disturbs_uplinks(self) -> bool:
         """Whether an AUV that charges may be heard by one that listens meanwhile."""
         return False
+
+    def check_stated(self, scenario: Scenario) -> None:  # noqa: ARG002
+        if self.num_choices not in (1, 2):
+            raise self.fault(f"num_choices must be 1 or 2, not {short(self.num_choices)}")
+        for name in ("splits_slot", "has_tables", "charging_disturbs_uplinks"):
+            if not isinstance(getattr(self, name), bool):
+                raise self.fault(f"{name} must be True or False, not {short(getattr(self, name))}")
+        for name in ("charging_frequency_khz", "uplink_frequency_khz"):
+            if not is_number(getattr(self, name), SMALLEST):
+                raise self.fault(f"{name} must be above 0 kHz, not {short(getattr(self, name))}")
 
     def split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
         """Split the slot.

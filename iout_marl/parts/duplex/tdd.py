@@ -11,7 +11,7 @@ from iout_marl.core.levels import BEYOND_J, EnergyLevels, Tables
 from iout_marl.core.link import Link
 from iout_marl.core.split import Split
 from iout_marl.core.whole_levels import WholeLevels, highest
-from iout_marl.parts.base import Context
+from iout_marl.parts.base import Context, at_work
 from iout_marl.parts.beta_rule import BetaRule
 from iout_marl.parts.duplex.base import Duplex, Floats, Integers, duplexes
 from iout_marl.physics.arrays import Array
@@ -60,7 +60,7 @@ class TimeDivision(Duplex):
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
-        self.rule: BetaRule = settings.beta_rule.entry.item(settings.beta_rule)
+        self.rule: BetaRule = settings.beta_rule.part
 
     @property
     def has_tables(self) -> bool:
@@ -84,7 +84,7 @@ class TimeDivision(Duplex):
     def setup(self, world: Context) -> None:
         super().setup(world)
         self._link = world.link
-        self.rule.setup(world)
+        self.rule = at_work(self.settings.beta_rule, world)
 
     def split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
         return self.rule.split(charging_offset, uplink_offset, stored_j)

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeAlias
 
+import numpy as np
+
 from iout_marl.parts.base import Part
 from iout_marl.registry import Registry
+from iout_marl.scenario import Scenario
+from iout_marl.whole import short
 
 #: Cells along x, y and z, of each direction.
 Steps: TypeAlias = Sequence[tuple[int, int, int]]
@@ -25,6 +29,19 @@ class Motion(Part):
     def can_rest(self) -> bool:
         """Whether an AUV may stay where it is."""
         return (0, 0, 0) in map(tuple, self.steps)
+
+    def check_stated(self, scenario: Scenario) -> None:  # noqa: ARG002
+        try:
+            steps = np.array(self.steps)
+        except ValueError:  # ragged
+            steps = np.array(self.steps, dtype=object)
+        if steps.ndim != 2 or steps.shape[1] != 3 or steps.dtype.kind not in "iu":
+            raise self.fault(
+                "steps must be three whole numbers for each direction, (directions, 3), "
+                f"not {short(self.steps)}"
+            )
+        if len(np.unique(steps, axis=0)) < len(steps):
+            raise self.fault("steps: two directions lead the same way")
 
 
 motions: Registry[type[Motion]] = Registry("motion", Motion)

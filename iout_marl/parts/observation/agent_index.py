@@ -12,6 +12,8 @@ from iout_marl.physics.arrays import Array
 class AgentIndex(Entry):
     """Which AUV this is, as M numbers of which one is 1."""
 
+    auvs_are_alike = False
+
     def setup(self, world: Context) -> None:
         super().setup(world)
         self._identity = world.backend.floats(np.eye(world.scenario.num_auvs))

@@ -11,6 +11,8 @@ from iout_marl.core.state import State
 from iout_marl.parts.base import Context
 from iout_marl.parts.observation.base import Entry, entries
 from iout_marl.physics.arrays import Array, lookup
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.fields import invalid
 
 
 @entries.register("other_auvs")
@@ -21,6 +23,10 @@ class OtherAuvs(Entry):
     """
 
     unit = "cells"
+
+    def check(self, scenario: Scenario) -> None:
+        if scenario.num_auvs == 1:
+            raise invalid(("observation", "entries"), "other_auvs: there is but one AUV")
 
     def setup(self, world: Context) -> None:
         super().setup(world)

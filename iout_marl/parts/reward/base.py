@@ -12,6 +12,7 @@ from iout_marl.parts.base import Part
 from iout_marl.physics.arrays import Array
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
+from iout_marl.whole import is_number, short
 
 #: Whom the network's age term is credited to. `team`: every AUV gets it. `difference`: every AUV
 #: gets what it has added (Wolpert and Tumer, 2001): the term less what it would be had no packet
@@ -33,6 +34,13 @@ class Reward(Part):
     def bounds(self, scenario: Scenario) -> dict[str, float]:  # noqa: ARG002
         """By key: how large it can make the reward of a slot. Nothing where that is not known."""
         return {}
+
+    def check_stated(self, scenario: Scenario) -> None:
+        bounds = self.bounds(scenario)
+        if not (isinstance(bounds, dict) and all(is_number(bound, 0) for bound in bounds.values())):
+            raise self.fault(
+                f"bounds() must map keys of the scenario to numbers from 0, not {short(bounds)}"
+            )
 
     def __call__(self, state: State, events: Events) -> Mapping[str, Array]:
         """The terms of a slot's reward, (envs, auvs) each; (envs, 1) is for all AUVs alike.

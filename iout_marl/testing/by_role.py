@@ -1,0 +1,132 @@
+"""What parts of one role promise beyond what all do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from iout_marl.bounds.check_game import finite_game, is_covered
+from iout_marl.bounds.energy import FINE
+from iout_marl.bounds.field import Field
+from iout_marl.core.grid import Grid
+from iout_marl.core.limits import unheard
+from iout_marl.parts import Absorption, Channel, Placement
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.parts import Settings
+from iout_marl.testing.recorded import actions_for, first_state
+from iout_marl.world import World
+
+#: Draws of layouts that are compared.
+DRAWS = 20
+
+
+def place_of_entry(world: World, is_it: Callable[[Settings], bool]) -> int:
+    """Where among a world's entries of observations one is: the last of its kind."""
+    entries = world.observer.entries
+    return max(i for i, entry in enumerate(entries) if is_it(entry.settings))
+
+
+def check_placement(part: Placement, scenario: Scenario, seeds: Sequence[int]) -> None:
+    """Different cells of the grid, drawn by the seed alone, and as often as it says."""
+    grid = Grid(scenario.grid.cells)
+    layouts = []
+    for seed in [*seeds, *range(DRAWS)]:
+        first, second = (part.checked_draw(grid, np.random.default_rng(seed)) for _ in range(2))
+        assert np.array_equal(first, second), f"seed {seed} gives two layouts"
+        assert len(np.unique(first, axis=0)) == len(first), f"seed {seed}: two nodes in one cell"
+        layouts.append(first.tolist())
+    differ = any(layout != layouts[0] for layout in layouts)
+    if part.redraws == "never":
+        assert not differ, "redraws is 'never', but layouts differ by the seed"
+    elif part.num_nodes < grid.num_cells:
+        assert differ, f"redraws is {part.redraws!r}, but {DRAWS} seeds give one layout"
+
+
+def check_entry(_: Any, scenario: Scenario, __: Sequence[int]) -> None:
+    """Ranges of as many numbers as it says."""
+    for entry in World(scenario).observer.entries:
+        entry.checked_ranges()
+
+
+def check_absorption(part: Absorption, _: Scenario, __: Sequence[int]) -> None:
+    """Finite and not negative, of one frequency or of several."""
+    khz = np.geomspace(1.0, 500.0, 60)
+    found = np.asarray(part.db_per_km(khz))
+    assert found.shape == khz.shape, f"db_per_km has shape {found.shape}, not {khz.shape}"
+    assert np.isfinite(found).all(), f"db_per_km is not finite at {khz[~np.isfinite(found)][0]} kHz"
+    assert (found >= 0).all(), f"db_per_km is negative at {khz[found < 0][0]:.3g} kHz"
+    one = np.asarray([float(part.db_per_km(float(each))) for each in khz])
+    assert np.allclose(one, found, rtol=1e-12), "db_per_km of one frequency is not that of several"
+
+
+@unheard
+def check_channel(part: Channel, scenario: Scenario, _: Sequence[int]) -> None:
+    """What is lost, and what an uplink takes, does not fall with the distance."""
+    duplex = scenario.duplex.part
+    farthest_m = scenario.grid.spacing_m * math.hypot(*scenario.grid.cells)
+    # Below a metre spreading is not what any of these equations are for.
+    metres = np.linspace(1.0, farthest_m, 200)
+    hertz = scenario.uplink.bandwidth_hz
+    for name, values in {
+        "attenuation_db": part.attenuation_db(metres, duplex.charging_frequency_khz),
+        "power_per_snr_w": part.power_per_snr_w(metres, duplex.uplink_frequency_khz, hertz),
+    }.items():
+        assert np.isfinite(values).all(), f"{name} is not finite"
+        falls = np.diff(values) < -1e-12 * np.abs(values[1:])
+        assert not falls.any(), f"{name} falls beyond {metres[:-1][falls][:1]} m"
+        if name == "power_per_snr_w":
+            assert (values > 0).all(), f"{name} is not above 0"
+
+
+def check_tables(_: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
+    """Where it states what a slot does to levels of energy: no node is ever richer than that.
+
+    Its two derivations, for the search of bounds and for their check, agree.
+    """
+    if not is_covered(scenario):
+        return
+    field = Field.of(scenario, FINE)
+    game = finite_game(scenario, tuple(field.levels_j[:-1].tolist()))
+    for number, table in enumerate(table for table in field.tables if table is not None):
+        checked = [tables[number] for tables in game.tables]
+        assert np.array_equal(checked, table), "search_tables and check_tables differ"
+    world = World(scenario)
+    codes = world.grid.encode(world.grid.all_coordinates()).tolist()
+    for seed in seeds:
+        state, levels = first_state(world, [seed]), np.zeros(world.num_nodes, dtype=np.int64)
+        for slot, action in enumerate(actions_for(world, seed)):
+            state, events = world.step(state, action)
+            _follow(field, levels, codes.index(int(state.cell[0, 0])), events)
+            where = f"slot {slot} by seed {seed}: "
+            assert (levels < field.num_levels).all(), f"{where}search_tables forbid what is done"
+            room_j = 1e-9 * (1 + state.energy_j[0])
+            richer = state.energy_j[0] > field.levels_j[levels] + room_j
+            assert not richer.any(), f"{where}a node is richer than search_tables have it"
+
+
+def _follow(field: Field, levels: Any, cell: int, events: Any) -> None:
+    """Move the levels of the nodes named as the tables say."""
+    charge, deliver, both = field.tables
+    charged, heard = int(events.charged[0, 0]), int(events.heard[0, 0])
+    delivered = bool(events.delivered[0, 0])
+    if both is None:
+        levels[heard] = (deliver if delivered else charge)[heard, cell, levels[heard]]
+    elif delivered and charged == heard:
+        levels[heard] = both[heard, cell, levels[heard]]
+    else:
+        levels[charged] = charge[charged, cell, levels[charged]]
+        if delivered:
+            levels[heard] = deliver[heard, cell, levels[heard]]
+
+
+CHECKS: Mapping[str, Callable[[Any, Scenario, Sequence[int]], None]] = {
+    "absorption": check_absorption,
+    "beta rule": check_tables,
+    "channel": check_channel,
+    "duplex": check_tables,
+    "observation entry": check_entry,
+    "placement": check_placement,
+}

@@ -1,0 +1,326 @@
+"""Contract tests of a registered part: what all parts of its role promise, whoever has made it.
+
+What they say of a part they say of it in worlds of several AUVs, of a single one, in frequency
+and in time division, as far as the part's role goes with these.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from iout_marl import iout_v0
+from iout_marl.core.limits import unheard
+from iout_marl.errors import InputError, did_you_mean
+from iout_marl.parts.base import Part
+from iout_marl.registry import Entry, Registry, registries, registry_of
+from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
+from iout_marl.scenario.keys import all_keys
+from iout_marl.scenario.parts import Settings, part_of, parts_in
+from iout_marl.testing import by_role
+from iout_marl.testing.environments import SEEDS
+from iout_marl.testing.recorded import Slot, actions_for, compare, episode, first_state, permuted
+from iout_marl.testing.settings import check_settings
+from iout_marl.world import World
+from iout_marl.world.watch import watch
+
+#: Small in every respect, with energies that bind: packets that a slot's harvest pays nearby.
+SMALL = {
+    "grid.cells": [4, 3, 2],
+    "nodes.cells": [[1, 1, 1], [4, 3, 2], [2, 3, 1], [4, 1, 1]],
+    "nodes.count": 4,
+    "episode.duration_s": 400,
+    "age.maximum": 9,
+    "uplink.packet_bits": 30000,
+    "charging.power_w": 60000,
+}
+TEAM = {"auvs.start_cells": [[2, 2, 1], [4, 2, 1], [1, 3, 2]]}
+ALONE = {"auvs.start_cells": [[2, 2, 1]]}
+#: The worlds, by what they are called where a test fails.
+WORLDS: Mapping[str, tuple[str, dict[str, Any]]] = {
+    "3 AUVs, FDD": ("paper/k5-fdd", SMALL | TEAM),
+    "3 AUVs, TDD": ("paper/k5-tdd", SMALL | TEAM),
+    "3 AUVs, TDD, one band": ("best/k5-tdd", SMALL | TEAM | {"channel.access": "interference"}),
+    "1 AUV, FDD": ("paper/k5-fdd", SMALL | ALONE),
+    "1 AUV, TDD": ("paper/k5-tdd", SMALL | ALONE),
+}
+#: Sums in another order, or by another library.
+ROUNDING = 1e-9
+
+
+def check_part(
+    role: str | Registry[Any],
+    kind: str,
+    settings: Mapping[str, Any] | None = None,
+    *,
+    scenario: AnyScenario | None = None,
+    overrides: Overrides = (),
+    seeds: Sequence[int] = SEEDS,
+) -> None:
+    """Run all contract tests of one part.
+
+    A batch equals single environments; torch equals NumPy in float64; a single environment equals
+    the batch; permuting nodes or AUVs permutes the results, where the part says so; nothing is
+    mutated; what is returned has the right shape and type, is finite and within its declared
+    ranges; settings survive YAML and pickling and are in the hash; and what the role promises.
+
+    Args:
+        role: of the part, or its registry: `parts.rewards`, say.
+        kind: the part's.
+        settings: its keys; those without a default must be there.
+        scenario: what the part is put into; None for worlds that suit its role, but for those
+            that the part's `check` refuses.
+        overrides: further changes of the scenario, which the part needs.
+        seeds: of layouts and actions.
+
+    Raises:
+        InputError: no such role, kind or scenario, or a fault in it.
+        AssertionError: the first contract that fails: role, kind, contract, where.
+    """
+    entry = _entry(role, kind)
+    subject = _Subject(entry, {"kind": kind, **(settings or {})})
+    if scenario is None:
+        bases = dict(_bases(entry.role, overrides))
+    else:
+        base = load_scenario(scenario, overrides)
+        bases = {base.name: base}
+    with subject.contract("in a scenario"):
+        worlds = dict(subject.put_into(bases))
+    for name, world in worlds.items():
+        for contract, check in CONTRACTS.items():
+            with subject.contract(contract, name):
+                check(subject, world, tuple(seeds))
+
+
+def _entry(role: str | Registry[Any], kind: str) -> Entry[Any]:
+    name = role.role if isinstance(role, Registry) else role
+    roles = [r.role for r in registries() if r.base is not None and issubclass(r.base, Part)]
+    if name not in roles:
+        raise InputError(f"unknown role {name!r}{did_you_mean(name, roles)}")
+    return registry_of(name)[kind]
+
+
+@dataclass(frozen=True)
+class _Subject:
+    """A part under test.
+
+    Attributes:
+        entry: what is registered.
+        data: its settings as a scenario file has them.
+    """
+
+    entry: Entry[Any]
+    data: dict[str, Any]
+
+    @contextmanager
+    def contract(self, name: str, where: str = "") -> Iterator[None]:
+        """Whatever is raised meanwhile is a contract that fails.
+
+        Raises:
+            AssertionError: in its place, in one line.
+        """
+        try:
+            # What a single environment plays on is no matter of right or wrong.
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)
+                yield
+        except Exception as error:
+            what = str(error) if isinstance(error, AssertionError | InputError) else repr(error)
+            of = f"{self.entry.role} {self.entry.kind!r}: "
+            place = f" ({where})" if where else ""
+            line = InputError(f"{of}{name}: {what.replace(of, '')}{place}")
+            raise AssertionError(str(line)) from error
+
+    def put_into(self, bases: Mapping[str, Scenario]) -> Iterator[tuple[str, Scenario]]:
+        """The scenarios with the part, but for those that it refuses, if not all of them.
+
+        Raises:
+            InputError: it refuses all.
+        """
+        role = self.entry.role
+        data = [self.data] if role == "observation entry" else self.data
+        refusals = []
+        for name, base in bases.items():
+            try:
+                yield name, load_scenario(base, {_key(role): data})
+            except InputError as error:  # it may not be for all worlds
+                refusals.append(error)
+        if len(refusals) == len(bases):
+            raise refusals[0]
+
+    def settings(self, scenario: Scenario) -> Settings:
+        """The part's settings in a scenario."""
+        return next(s for _, s in parts_in(scenario) if self.is_it(s))
+
+    def is_it(self, settings: Settings) -> bool:
+        """Whether settings are those of the part."""
+        return settings.entry == self.entry
+
+
+def _bases(role: str, overrides: Overrides) -> Iterator[tuple[str, Scenario]]:
+    """Scenarios for a part of a role, by name."""
+    for name, (base, changes) in WORLDS.items():
+        # A duplex part stands in for either; its worlds are those for the paper's first.
+        is_out = {"beta rule": "TDD" not in name, "duplex": "FDD" not in name}
+        if not is_out.get(role) and not (role == "access" and "one band" in name):
+            yield name, load_scenario(load_scenario(base, changes), overrides)
+
+
+def _key(role: str) -> str:
+    """Where a scenario names a part of a role."""
+    found = (
+        key
+        for key, fields in all_keys(Scenario).items()
+        if any((part := part_of(field)) and part.role == role for field in fields)
+    )
+    return next(found, "observation.entries")
+
+
+def _is_as_stated(subject: _Subject, scenario: Scenario, _: Sequence[int]) -> None:
+    subject.settings(scenario).part.check_stated(scenario)
+
+
+def _settings(subject: _Subject, scenario: Scenario, _: Sequence[int]) -> None:
+    key = _key(subject.entry.role)
+    check_settings(scenario, key, subject.settings(scenario))
+
+
+@unheard
+def _values(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
+    """Shapes, types, ranges; nothing is mutated."""
+    world = World(scenario, len(seeds))
+    watch(world, subject.is_it)
+    state = first_state(world, seeds)
+    for slot, action in enumerate(actions_for(world, seeds[0])):
+        given = state.map(np.copy), action.copy()
+        world.observe(state)
+        after, events = world.step(state, action)
+        world.reward(after, events)
+        compare((state, action), given, 0, f"slot {slot}: an argument is changed: ")
+        state = after
+
+
+def _is_deterministic(_: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
+    first, second = (_played(scenario, seeds) for _ in range(2))
+    _compare_slots(first, second, 0)
+
+
+def _batch(_: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
+    world = World(scenario, len(seeds))
+    actions = actions_for(world, seeds[0])
+    together = episode(world, first_state(world, seeds), actions)
+    for i, seed in enumerate(seeds):
+        alone = World(scenario)
+        slots = episode(alone, first_state(alone, [seed]), actions[:, i : i + 1])
+        _compare_slots([slot.of_env(i) for slot in together], slots, ROUNDING)
+
+
+def _torch(_: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
+    import torch
+
+    found = _played(scenario, seeds, library=torch)
+    _compare_slots(found, _played(scenario, seeds), ROUNDING)
+
+
+def _played(scenario: Scenario, seeds: Sequence[int], **backend: Any) -> list[Slot]:
+    world = World(scenario, len(seeds), **backend)
+    return episode(world, first_state(world, seeds), actions_for(world, seeds[0]))
+
+
+def _nodes(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
+    part = subject.entry.item
+    if part.nodes_are_alike and len(set(scenario.node_weights)) == 1:
+        _permute(subject, scenario, seeds, nodes=np.arange(scenario.num_nodes)[::-1])
+
+
+def _auvs(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
+    if subject.entry.item.auvs_are_alike:
+        _permute(subject, scenario, seeds, auvs=np.roll(np.arange(scenario.num_auvs), 1))
+
+
+def _permute(
+    subject: _Subject, scenario: Scenario, seeds: Sequence[int], **order: np.ndarray[Any, Any]
+) -> None:
+    world = World(scenario, len(seeds))
+    start, actions = first_state(world, seeds), actions_for(world, seeds[0])
+    place = None
+    if subject.entry.role == "observation entry":
+        place = by_role.place_of_entry(world, subject.is_it)
+    slots = episode(world, start, actions, place)
+    start, actions = permuted(start, **order), permuted_actions(actions, **order)
+    again = episode(world, start, actions, place)
+    # Observations are of many parts; of an entry, its own are compared.
+    _compare_slots(
+        [slot.without("observation") for slot in again],
+        [slot.permuted(**order).without("observation") for slot in slots],
+        ROUNDING,
+    )
+
+
+def permuted_actions(
+    actions: np.ndarray[Any, Any],
+    nodes: np.ndarray[Any, Any] | None = None,
+    auvs: np.ndarray[Any, Any] | None = None,
+) -> np.ndarray[Any, Any]:
+    """(slots, envs, auvs, entries) actions in a world whose nodes or AUVs are in another order."""
+    if nodes is not None:
+        actions = actions.copy()
+        actions[..., 1:] = np.argsort(nodes)[actions[..., 1:]]
+    return actions if auvs is None else actions[:, :, auvs]
+
+
+def _compare_slots(found: list[Slot], expected: list[Slot], rounding: float) -> None:
+    for number, (one, other) in enumerate(zip(found, expected, strict=True)):
+        compare(one.values, other.values, rounding, f"slot {number}: ")
+
+
+def _single(_: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
+    """An environment of one's own, traced or on arrays, equals the batch."""
+    seed = seeds[0]
+    world = World(scenario)
+    actions = actions_for(world, seed)
+    slots = episode(world, first_state(world, [seed]), actions)
+    env = iout_v0.parallel_env(scenario)
+    env.reset(seed=seed)
+    for number, (slot, action) in enumerate(zip(slots, actions, strict=True)):
+        given = dict(zip(env.possible_agents, action[0], strict=True))
+        observations, rewards = env.step(given)[:2]
+        found = {
+            "observation": np.array([_vector(o) for o in observations.values()]),
+            "reward": np.array(list(rewards.values())),
+        }
+        expected = {
+            "observation": slot.values["observation"][0].astype(np.float32),
+            "reward": slot.values["reward"][0],
+        }
+        compare(found, expected, ROUNDING, f"slot {number}: ")
+
+
+def _vector(observation: Any) -> Any:
+    return observation["observation"] if isinstance(observation, dict) else observation
+
+
+def _role(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
+    check = by_role.CHECKS.get(subject.entry.role)
+    if check is not None:
+        check(subject.settings(scenario).part, scenario, seeds)
+
+
+#: What all parts promise, in the order in which it is tested.
+CONTRACTS: Mapping[str, Callable[[_Subject, Scenario, Sequence[int]], None]] = {
+    "what it states": _is_as_stated,
+    "settings": _settings,
+    "what its role promises": _role,
+    "values": _values,
+    "the same twice": _is_deterministic,
+    "a batch equals single worlds": _batch,
+    "torch equals NumPy": _torch,
+    "permuted nodes": _nodes,
+    "permuted AUVs": _auvs,
+    "a single environment equals the batch": _single,
+}

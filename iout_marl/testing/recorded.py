@@ -1,0 +1,141 @@
+"""Episodes slot by slot, in a form in which they can be permuted and compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.physics.arrays import Array
+from iout_marl.world import State, World, node_codes
+
+Values = npt.NDArray[Any]
+#: Slots that are played: enough for every age to stop, and for each node to be charged and heard.
+MOST_SLOTS = 24
+#: Fields with an axis of AUVs, and with one of nodes.
+OF_AUVS = {
+    *("cell", "seen_age", "seen_energy_j", "seen_slot", "others_age", "others_deliveries"),
+    *("left_grid", "blocked", "charged", "heard", "beta", "event harvested_j", "delivered"),
+    *("event spent_j", "reward", "observation", "entry", "entry of nodes"),
+}
+OF_NODES = {
+    *("node_cell", "age", "energy_j", "deliveries", "seen_age", "seen_energy_j", "seen_slot"),
+    *("others_age", "others_deliveries", "payable_j", "entry of nodes"),
+}
+CHOSEN_NODES = {"charged", "heard"}
+
+
+@dataclass(frozen=True)
+class Slot:
+    """What a slot has led to, by name: arrays of NumPy.
+
+    Attributes:
+        values: fields of the state after it and of its events, rewards, observations.
+    """
+
+    values: Mapping[str, Values]
+
+    def of_env(self, env: int) -> Slot:
+        """What it has led to in one environment of the batch."""
+        return Slot({name: array[env : env + 1] for name, array in self.values.items()})
+
+    def without(self, name: str) -> Slot:
+        """All but one of them."""
+        return Slot({other: array for other, array in self.values.items() if other != name})
+
+    def permuted(self, nodes: Values | None = None, auvs: Values | None = None) -> Slot:
+        """What it would have led to, had nodes or AUVs been in this order."""
+        found = {}
+        for name, array in self.values.items():
+            if auvs is not None and name in OF_AUVS:
+                array = array[:, auvs]  # noqa: PLW2901
+            if nodes is not None and name in OF_NODES:
+                array = array[..., nodes[: array.shape[-1]]]  # noqa: PLW2901
+            if nodes is not None and name in CHOSEN_NODES:
+                array = np.argsort(nodes)[array]  # noqa: PLW2901
+            found[name] = array
+        return Slot(found)
+
+
+def permuted(state: State, nodes: Values | None = None, auvs: Values | None = None) -> State:
+    """A state with nodes or AUVs in another order."""
+    return State(**Slot(state._asdict()).permuted(nodes, auvs).values)
+
+
+def first_state(world: World, seeds: Sequence[int]) -> State:
+    """The first state, with the layouts of these seeds."""
+    rngs = [np.random.default_rng(seed) for seed in seeds]
+    return world.reset(node_codes(world.scenario, world.grid, rngs))
+
+
+def actions_for(world: World, seed: int) -> npt.NDArray[np.int64]:
+    """(slots, envs, auvs, entries) random actions, those of fewer environments among them."""
+    rng = np.random.default_rng(seed)
+    shape = (world.num_envs, min(world.num_slots, MOST_SLOTS), world.num_auvs)
+    actions = np.stack([rng.integers(0, n, shape) for n in world.action_sizes], axis=-1)
+    return np.ascontiguousarray(np.swapaxes(actions, 0, 1))
+
+
+def episode(
+    world: World, state: State, actions: npt.NDArray[np.int64], place: int | None = None
+) -> list[Slot]:
+    """Play by these actions.
+
+    Args:
+        world: the world.
+        state: its first state.
+        actions: (slots, envs, auvs, entries).
+        place: of an entry of observations that is recorded by itself: its number for each node,
+            or, for want of knowing which belong to which node, all in rising order.
+    """
+    found = []
+    for action in actions:
+        state, events = world.step(state, world.backend.integers(action))
+        values: dict[str, Any] = state._asdict()
+        for name, array in events._asdict().items():
+            values[name if name not in values else f"event {name}"] = array
+        values["reward"] = world.reward(state, events)
+        values["observation"] = world.observe(state)
+        if place is not None:
+            entry = world.observer.entries[place]
+            seen = entry(state)
+            seen = np.broadcast_to(seen, (world.num_envs, world.num_auvs, seen.shape[-1]))
+            if entry.feeds_node_network:
+                values["entry of nodes"] = seen
+            else:
+                values["entry"] = np.sort(seen, axis=-1)
+        found.append(Slot({name: _numpy(array) for name, array in values.items()}))
+    return found
+
+
+def _numpy(array: Array) -> Values:
+    return np.asarray(array.cpu() if hasattr(array, "cpu") else array)
+
+
+def compare(found: Any, expected: Any, rounding: float, message: str) -> None:
+    """Compare arrays, mappings and tuples of them: numbers up to a rounding, all else exactly.
+
+    Raises:
+        AssertionError: they differ: where.
+    """
+    if isinstance(expected, Mapping):
+        for name, values in expected.items():
+            compare(found[name], values, rounding, f"{message}{name} ")
+        return
+    if isinstance(expected, tuple):
+        for one, other in zip(found, expected, strict=True):
+            compare(one, other, rounding, message)
+        return
+    assert found.shape == expected.shape, f"{message}has shape {found.shape}, not {expected.shape}"
+    assert found.dtype == expected.dtype, f"{message}is {found.dtype}, not {expected.dtype}"
+    exact = rounding == 0 or expected.dtype.kind != "f"
+    if exact:
+        same = (found == expected) | ((found != found) & (expected != expected))
+    else:
+        same = np.isclose(found, expected, rtol=rounding, atol=rounding, equal_nan=True)
+    if not same.all():
+        first = tuple(np.argwhere(~same)[0].tolist())
+        raise AssertionError(f"{message}at {first} is {found[first]}, not {expected[first]}")

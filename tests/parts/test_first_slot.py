@@ -1,0 +1,349 @@
+"""What parts from outside state and return is looked at: one line says what is wrong with it."""
+
+import numpy as np
+import pytest
+import torch
+
+from iout_marl import InputError, evaluate, iout_v0, parts
+from iout_marl.parts.access import Uplinks
+from iout_marl.parts.beta_rule.paper import PaperRule
+from iout_marl.parts.channel.levels import Levels
+from iout_marl.parts.duplex.tdd import TimeDivision
+from iout_marl.parts.placement.random import Random
+from iout_marl.world import World, node_codes
+from trainers import Trainer
+
+TEAM = {"auvs.count": 2}
+
+
+@pytest.fixture
+def scenario_with(tiny):
+    """Registers a class made for one test, and makes the tiny scenario that names it."""
+    registered = []
+
+    def make(registry, base, scenario="paper/k3-fdd", overrides=(), **members):
+        kind = "mine"
+        part = type("Mine", (base,), {"__module__": __name__, **members})
+        registry.register(kind, version=1)(part)
+        registered.append(registry)
+        key = KEYS[registry.role]
+        named = [{"kind": kind}] if key.endswith("entries") else {"kind": kind}
+        return tiny({key: named, **dict(overrides)}, scenario)
+
+    yield make
+    for registry in registered:
+        registry.unregister("mine")
+
+
+KEYS = {
+    "absorption": "channel.absorption",
+    "access": "channel.access",
+    "beta rule": "duplex.beta_rule",
+    "channel": "channel",
+    "duplex": "duplex",
+    "motion": "auvs.motion",
+    "observation entry": "observation.entries",
+    "placement": "nodes",
+    "reward": "reward",
+}
+
+
+def ages(part, state):
+    return -part.xp.max(state.age, axis=-1, keepdims=True)
+
+
+REWARDS = {
+    "a mapping of terms": lambda part, state, events: ages(part, state),
+    "a mapping of terms, name to array, not {}": lambda part, state, events: {},
+    "name of a term must be a text": lambda part, state, events: {1: ages(part, state)},
+    r"\(envs, auvs\) = \(4, 3\) or \(envs, 1\) = \(4, 1\), not of float64 and shape \(4,\)": (
+        lambda part, state, events: {"age": state.mean_age}
+    ),
+    "term 'age' must be an array of float64.*not 1.5": lambda part, state, events: {"age": 1.5},
+    "not of int64 and shape": lambda part, state, events: {"age": events.heard},
+    "term 'age' must be finite": lambda part, state, events: {
+        "age": ages(part, state) / (0 * state.age[:, :1])
+    },
+    "must not change the State": lambda part, state, events: {
+        "age": np.negative(state.age, out=state.age)[:, :1]
+    },
+    r"raises AttributeError: .*no attribute 'ages' \(.*test_first_slot.py:\d+\)": (
+        lambda part, state, events: {"age": state.ages}
+    ),
+}
+
+
+@pytest.mark.parametrize("message", REWARDS)
+def test_rewards(scenario_with, message):
+    scenario = scenario_with(
+        parts.rewards, parts.Reward, overrides={"auvs.count": 3}, __call__=REWARDS[message]
+    )
+    with pytest.raises(InputError, match=f"^reward 'mine': .*{message}"):
+        World(scenario)
+
+
+def test_a_reward_beyond_its_bounds(scenario_with):
+    scenario = scenario_with(
+        parts.rewards,
+        parts.Reward,
+        __call__=lambda part, state, events: {"age": 100 * ages(part, state)},
+        bounds=lambda part, scenario: {"age.maximum": 15.0},
+    )
+    with pytest.raises(InputError, match="the reward must lie from -15 to 15, as stated, not at"):
+        World(scenario)
+
+
+def test_wherever_a_world_is_made(scenario_with):
+    """In evaluations, environments, trainings: before the first slot that counts."""
+    scenario = scenario_with(
+        parts.rewards, parts.Reward, __call__=lambda part, state, events: {"age": state.age}
+    )
+    for make in (
+        lambda: World(scenario, 7, torch, "float32"),
+        lambda: evaluate(scenario, "greedy"),
+        lambda: iout_v0.parallel_env(scenario),
+        lambda: Trainer(scenario, seed=0),
+    ):
+        with pytest.raises(InputError, match=r"^reward 'mine': term 'age' .*\(3, 1\)"):
+            make()
+
+
+def test_on_the_arrays_that_a_world_has(scenario_with):
+    """What goes on NumPy alone is refused where it would be used on torch."""
+    scenario = scenario_with(
+        parts.rewards,
+        parts.Reward,
+        __call__=lambda part, state, events: {"age": -np.asarray(state.age[:, :1])},
+    )
+    World(scenario)
+    with pytest.raises(InputError, match=r"term 'age' must be an array of torch\.float64"):
+        World(scenario, library=torch)
+
+
+def test_once(scenario_with):
+    calls = []
+
+    def reward(part, state, events):
+        calls.append(state)
+        return {"age": ages(part, state)}
+
+    scenario = scenario_with(parts.rewards, parts.Reward, __call__=reward)
+    for num_envs in (1, 1, 5):
+        World(scenario, num_envs)
+    assert len(calls) == 1
+
+
+ENTRIES = {
+    "size must be at least 1, not 0": {"size": 0},
+    "size must be a whole number": {"size": 2.5},
+    r"ranges\(\).low must have shape \(2,\), as size says, not \(1,\)": {
+        "size": 2, "ranges": lambda part: parts.observation.base.Ranges.alike(1, 0, 1, 1)
+    },
+    "low must not exceed high": {"low": 2.0},
+    "scale must be above 0": {"scale": 0.0},
+    "high must be finite": {"high": float("inf")},
+    "unit must be a text": {"unit": None},
+    r"its numbers must be of float64.*size\) = \(3, 1, 1\), not of float64 and shape \(3, 1, 2\)": {
+        "__call__": lambda part, state: part.for_every_auv(state.age)
+    },
+    "its numbers must lie from 0 to 1, as stated, not at": {
+        "__call__": lambda part, state: part.for_every_auv(state.age[:, :1] + 7)
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("message", ENTRIES)
+def test_observation_entries(scenario_with, message):
+    with pytest.raises(InputError, match=f"observation entry 'mine': .*{message}"):
+        World(scenario_with(parts.entries, parts.Entry, **ENTRIES[message]))
+
+
+MOTIONS = {
+    r"steps must be three whole numbers for each direction, \(directions, 3\), not": [(1, 0)],
+    "steps must be three whole numbers": [(0.5, 0, 0)],
+    "steps must be three": [(1, 0, 0), (1, 0)],
+    "steps must be": [],
+    "steps: two directions lead the same way": [(1, 0, 0), (0, 1, 0), (1, 0, 0)],
+}
+
+
+@pytest.mark.parametrize("message", MOTIONS)
+def test_motions(scenario_with, message):
+    """What a part states is looked at when a scenario names it, which says where it does."""
+    with pytest.raises(InputError, match=f"auvs.motion: motion 'mine': {message}"):
+        scenario_with(parts.motions, parts.Motion, steps=MOTIONS[message])
+
+
+PLACEMENTS = {
+    r"draw must give whole numbers of shape \(2, 3\), the nodes' cells, not float64": (
+        lambda part, grid, rng: rng.random((2, 3))
+    ),
+    r"draw must give .* not int64 of shape \(3, 3\)": (
+        lambda part, grid, rng: np.zeros((3, 3), dtype=int)
+    ),
+    r"draw gives the cell \[3, 0, 0\]; coordinates count from 0 and stay below \[3, 2, 1\]": (
+        lambda part, grid, rng: np.array([[0, 0, 0], [3, 0, 0]])
+    ),
+}
+
+
+@pytest.mark.parametrize("message", PLACEMENTS)
+def test_placements(scenario_with, message):
+    scenario = scenario_with(
+        parts.placements, parts.Placement, num_nodes=2, draw=PLACEMENTS[message]
+    )
+    with pytest.raises(InputError, match=f"^placement 'mine': {message}"):
+        World(scenario)
+
+
+def test_a_placement_is_looked_at_whenever_it_draws(scenario_with):
+    class Growing(Random):
+        num_nodes = 2
+        redraws = "episode"
+
+        def draw(self, grid, rng):
+            return np.array([[0, 0, 0], [int(rng.random() < 0.1) + 2, 0, 0]])
+
+    scenario = scenario_with(
+        parts.placements, Growing, Settings=parts.Settings, check=lambda part, scenario: None
+    )
+    world = World(scenario)
+    rngs = [np.random.default_rng(seed) for seed in range(50)]
+    with pytest.raises(InputError, match=r"draw gives the cell \[3, 0, 0\]"):
+        node_codes(scenario, world.grid, rngs)
+
+
+@pytest.mark.parametrize(
+    ("message", "members"),
+    [
+        ("num_nodes must be at least 1, not 0", {"num_nodes": 0}),
+        ("redraws must be one of never, run, episode, not 'often'", {"redraws": "often"}),
+        ("weights must be a number from 0 for each of the 2 nodes", {"weights": (1.0,)}),
+        ("raises NotImplementedError", {"num_nodes": parts.Placement.num_nodes}),
+    ],
+)
+def test_what_a_placement_states(scenario_with, message, members):
+    with pytest.raises(InputError, match=f"nodes: placement 'mine': {message}"):
+        scenario_with(parts.placements, parts.Placement, **{"num_nodes": 2, **members})
+
+
+ACCESS = {
+    "must return Uplinks": lambda part, request, split: request.sends[:, 0],
+    r"delivered must be of bool, \(envs, auvs\) = \(3, 2\), not of float64": (
+        lambda part, request, split: Uplinks(request.payable_j, request.payable_j)
+    ),
+    "spent_j must be finite": lambda part, request, split: Uplinks(
+        request.sends, request.payable_j / 0
+    ),
+    "must not deliver that does not send": lambda part, request, split: Uplinks(
+        ~request.sends, 0 * request.payable_j
+    ),
+    "must not spend more than payable_j": lambda part, request, split: Uplinks(
+        part.to_nearest(request), request.payable_j + 1
+    ),
+    "must not be negative": lambda part, request, split: Uplinks(
+        part.to_nearest(request), -1 - request.payable_j
+    ),
+}
+
+
+@pytest.mark.parametrize("message", ACCESS)
+def test_access_rules(scenario_with, message):
+    scenario = scenario_with(
+        parts.access_rules, parts.Access, overrides=TEAM, __call__=ACCESS[message]
+    )
+    with pytest.raises(InputError, match=f"^access 'mine': .*{message}"):
+        World(scenario)
+
+
+@pytest.mark.parametrize(
+    ("message", "call"),
+    [
+        ("a node must deliver to one AUV at most", lambda part, request, split: request.sends),
+        (
+            "no more than max_uplinks_per_slot, 1, may deliver in a slot, not 2",
+            lambda part, request, split: part.to_nearest(request),
+        ),
+    ],
+)
+def test_deliveries_of_access_rules(scenario_with, message, call):
+    """In an ample sea every node could send to whoever asks."""
+
+    class Generous(parts.Access):
+        def __call__(self, request, split):
+            return Uplinks(call(self, request, split), self._zero * split.beta)
+
+        def max_uplinks_per_slot(self, num_auvs):
+            return 1 if "max" in message else num_auvs
+
+    ample = {"auvs.count": 4, "charging.power_w": 1e6, "nodes.count": 2}
+    scenario = scenario_with(parts.access_rules, Generous, overrides=ample)
+    with pytest.raises(InputError, match=f"^access 'mine': {message}"):
+        World(scenario)
+
+
+SPLITS = {
+    "split must return a Split": lambda split: split.beta,
+    "beta must be of float64": lambda split: split._replace(beta=split.beta[0]),
+    "beta must lie from 0 to 1, as stated, not at 1.5": lambda split: split._replace(
+        beta=split.beta * 0 + 1.5
+    ),
+    "charging_s must lie from 0 to 25, as stated, not at 30": lambda split: split._replace(
+        charging_s=split.beta * 0 + 30
+    ),
+    "required_j must not be negative": lambda split: split._replace(
+        required_j=-1 - split.required_j
+    ),
+    "uplink_s must be above 0": lambda split: split._replace(uplink_s=0 * split.uplink_s),
+    "charging_s must be a number": lambda split: split._replace(charging_s=split.beta * np.nan),
+}
+
+
+@pytest.mark.parametrize("message", SPLITS)
+@pytest.mark.parametrize("registry", [parts.duplexes, parts.beta_rules], ids=lambda r: r.role)
+def test_splits(scenario_with, registry, message):
+    base = {"duplex": TimeDivision, "beta rule": PaperRule}[registry.role]
+
+    class Wrong(base):
+        def split(self, *args):
+            return SPLITS[message](super().split(*args))
+
+    scenario = scenario_with(registry, Wrong, "paper/k3-tdd")
+    with pytest.raises(InputError, match=f"^{registry.role} 'mine': {message}"):
+        World(scenario)
+
+
+@pytest.mark.parametrize(
+    ("message", "registry", "base", "members"),
+    [
+        ("num_choices must be 1 or 2", parts.duplexes, TimeDivision, {"num_choices": 3}),
+        ("splits_slot must be True", parts.duplexes, TimeDivision, {"splits_slot": "yes"}),
+        (
+            "uplink_frequency_khz must be above 0",
+            parts.duplexes,
+            TimeDivision,
+            {"uplink_frequency_khz": -1},
+        ),
+        (
+            r"max_uplinks_per_slot\(1\) must be a whole number from 1, not 0",
+            parts.access_rules,
+            parts.Access,
+            {"max_uplinks_per_slot": lambda part, auvs: 0},
+        ),
+        (
+            r"attenuation_db: must be a number for each of 3 distances, not float64 of shape \(\)",
+            parts.channels,
+            Levels,
+            {"attenuation_db": lambda part, distance_m, khz: 3.0},
+        ),
+        (
+            r"db_per_km\(\d+\) must be a number from 0 in dB/km, not -1.0",
+            parts.absorptions,
+            parts.Absorption,
+            {"db_per_km": lambda part, khz: -1.0},
+        ),
+    ],
+)
+def test_what_other_parts_state(scenario_with, message, registry, base, members):
+    with pytest.raises(InputError, match=f": {registry.role} 'mine': {message}"):
+        scenario_with(registry, base, **members)
