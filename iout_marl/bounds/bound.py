@@ -17,6 +17,7 @@ from iout_marl.bounds.scheduling import least_age_sum
 from iout_marl.bounds.sharing import fits
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
+from iout_marl.scenario.parts import parts_in
 
 #: How long a bound is searched for unless told otherwise.
 USUAL_SECONDS = 60.0
@@ -131,7 +132,7 @@ def bound(
         scenario_hash=scenario.hash,
         scheduling=scheduled / node_slots,
         energy_and_travel=energy_and_travel,
-        validity=_validity(scenario),
+        validity=_validity(scenario) + _stated_by(scenario),
         certificate=certificate,
     )
 
@@ -171,6 +172,16 @@ def _highest_verified(scenario: Scenario, found: list[Certificate]) -> Certifica
             raise
         return _highest_verified(scenario, others)
     return first
+
+
+def _stated_by(scenario: Scenario) -> str:
+    """What parts from outside the bounds rely on: what these state nobody else has proven."""
+    roles = {"access", "placement"}
+    if is_covered(scenario):
+        roles |= {"duplex", "beta rule"}
+    entries = [part.entry for _, part in parts_in(scenario)]
+    found = [f"{e.role} {e.kind!r}" for e in entries if e.is_outside and e.role in roles]
+    return f"; as stated by {' and '.join(found)}" if found else ""
 
 
 def _validity(scenario: Scenario) -> str:

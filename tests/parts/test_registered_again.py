@@ -13,7 +13,6 @@ from test_contracts import CELLS, OVERRIDES
 from tiny_study import SameProcess, write_study
 
 from iout_marl import InputError, Trainer, bounds, evaluate, load_scenario, record_episode
-from iout_marl.bounds.bound import _validity
 from iout_marl.bounds.check_game import finite_game, is_covered
 from iout_marl.bounds.field import Field
 from iout_marl.outlook import energy_outlook
@@ -82,6 +81,7 @@ def pairs(request):
             both.append({**rest, **OVERRIDES.get((role, kind), {}), **named})
         return both, [load_scenario(name, overrides) for overrides in both]
 
+    make.role = role
     yield make
     registry.unregister(AGAIN + kind)
 
@@ -157,8 +157,17 @@ def test_policies_and_plans(pairs):
 @every_pair
 def test_bounds(pairs):
     for first, second in worlds(pairs):
-        for function in (bounds.least_age_sum, bounds.delivery_bound, is_covered, _validity):
+        for function in (bounds.least_age_sum, bounds.delivery_bound, is_covered):
             assert function(second) == function(first)
+        found, expected = (bounds.bound(scenario, seconds=0) for scenario in (second, first))
+        assert found.scheduling == expected.scheduling
+        stated = re.sub(f"; as stated by [a-z ]+ '{AGAIN}.*'", "", found.validity)
+        assert stated == expected.validity
+        role = pairs.role
+        relies = role in ("access", "placement") or (
+            role in ("duplex", "beta rule") and is_covered(first)
+        )
+        assert (stated != found.validity) == relies
         if is_covered(first):
             assert_same(*(game(scenario) for scenario in (second, first)))
 
