@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -38,7 +38,8 @@ class Simulator:
 
     def __init__(self, scenario: Scenario) -> None:
         # What is of no matter to a plan costs time in every step.
-        self._scenario = load_scenario(scenario, {"observation.view_range_m": None})
+        unseen: dict[str, Any] = {"observation.view_range_m": None, "observation.entries": []}
+        self._scenario = load_scenario(scenario, unseen)
         self.world = World(self._scenario, measured=())
         self.hastes = HASTES if self.world.duplex.num_choices == 1 else HASTES[:1]
         self._worlds: dict[int, World] = {1: self.world}

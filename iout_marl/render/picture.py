@@ -89,7 +89,7 @@ def _draw_header(figure: Figure, s: Snapshot) -> None:
         "mean AoI, slots": number_text(s.mean_age, 1),
         "Jain's index": f"{s.jain:.2f}",
         "harvested": f"{number_text(s.total_harvested_j / 1000, 2)} kJ",
-        "duplex": "TDD" if s.is_tdd else "FDD",
+        "duplex": s.duplex,
     }
     for x_px, (name, value) in zip((440, 552, 662, 768, 892), facts.items(), strict=True):
         _write(figure, x_px, 16, name, fontsize=style.SMALL_PT, color=style.MUTED)

@@ -318,6 +318,6 @@ def _draw_tags(
 def _tag(snapshot: Snapshot, auv: int, *, named: bool) -> str:
     words = [auv_name(auv)] if named else []
     words.append(f"z {snapshot.auv_positions[auv, 2]}")
-    if snapshot.is_tdd and snapshot.beta is not None:
+    if snapshot.splits_slot and snapshot.beta is not None:
         words.append(f"β {snapshot.beta[auv]:.2f}")
     return "  ".join(words)

@@ -40,7 +40,8 @@ class Snapshot:
     mean_age: float  # slots: mean age over nodes
     jain: float  # Jain's index of the deliveries so far
     total_harvested_j: float  # J: energy harvested by all nodes so far
-    is_tdd: bool  # whether charging and uplink share the slot
+    duplex: str  # what the duplex part is called
+    splits_slot: bool  # whether charging and uplink share the slot
     charged: Integers | None  # (auvs,) node charged in the last slot
     heard: Integers | None  # (auvs,) node asked for its packet in the last slot
     delivered: Flags | None  # (auvs,) whether the packet arrived
@@ -71,7 +72,8 @@ class Snapshot:
             mean_age=float(state.mean_age[env]),
             jain=float(state.jain[env]),
             total_harvested_j=float(state.harvested_j[env]),
-            is_tdd=world.duplex.splits_slot,
+            duplex=world.duplex.label,
+            splits_slot=world.duplex.splits_slot,
             charged=None if events is None else np.array(events.charged[env], dtype=np.int64),
             heard=None if events is None else np.array(events.heard[env], dtype=np.int64),
             delivered=None if events is None else np.array(events.delivered[env], dtype=np.bool_),
@@ -115,7 +117,7 @@ class Snapshot:
         return [
             (auv, int(node))
             for auv, node in enumerate(self.charged)
-            if not self.is_tdd or self.beta[auv] > 0
+            if not self.splits_slot or self.beta[auv] > 0
         ]
 
     def hearing(self) -> list[tuple[int, int, bool]]:

@@ -63,7 +63,7 @@ def _header(s: Snapshot) -> str:
     return "   ".join(
         [
             shortened(s.title, 32),
-            "TDD" if s.is_tdd else "FDD",
+            s.duplex,
             f"slot {s.slot}/{s.num_slots}",
             f"mean AoI {number_text(s.mean_age, 2)}",
             f"Jain {s.jain:.2f}",
@@ -138,7 +138,7 @@ def _auv_table(s: Snapshot, names: list[str]) -> list[str]:
             words.append(f"charged {charged[auv] + 1 if auv in charged else '-':<3}")
             words.append(f"heard {node + 1:<3}")
             words.append("delivered" if arrived else "no packet")
-        if s.is_tdd and s.beta is not None:
+        if s.splits_slot and s.beta is not None:
             words.append(f"beta {s.beta[auv]:.2f}")
         lines.append("  ".join(words))
     if s.num_auvs > MAX_AUVS:

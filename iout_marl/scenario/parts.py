@@ -89,11 +89,7 @@ def outside_parts(section: BaseModel) -> Iterator[Entry[Any]]:
     """What of a section, or a scenario, comes from outside."""
     if isinstance(section, Settings) and section.entry.is_outside:
         yield section.entry
-    for name in type(section).model_fields:
-        value = getattr(section, name)
-        for inner in value if isinstance(value, tuple) else (value,):
-            if isinstance(inner, BaseModel):
-                yield from outside_parts(inner)
+    yield from (part.entry for _, part in parts_in(section) if part.entry.is_outside)
 
 
 @dataclass(frozen=True)

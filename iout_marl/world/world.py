@@ -24,7 +24,7 @@ from iout_marl.metrics import Metric, registered
 from iout_marl.parts import Access, Context, Duplex, Request, Reward, at_work
 from iout_marl.physics.arrays import Array, cast
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario
-from iout_marl.scenario.parts import parts_in
+from iout_marl.scenario.parts import outside_parts
 from iout_marl.whole import MAX_SEED, whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
 from iout_marl.world.mask import ActionMask
@@ -136,7 +136,7 @@ class World:
 
     def _check_parts(self, library: Any, dtype: str, device: Any) -> None:
         """Look at what parts from outside return in a first slot: once, on arrays of this kind."""
-        is_from_outside = any(part.entry.is_outside for _, part in parts_in(self.scenario))
+        is_from_outside = any(outside_parts(self.scenario))
         if is_from_outside and isinstance(library, ModuleType):
             check_first_slot(_Unchecked, self.scenario, library, dtype, device)
 

@@ -92,7 +92,7 @@ def test_snapshot_is_that_of_the_environment_asked_for():
     assert (first.charged.tolist(), second.heard.tolist()) == ([1], [2])
     assert first.node_positions.tolist() == [[1, 1, 1], [8, 5, 2], [5, 10, 3]]
     assert first.beta[0] == events.beta[0, 0]
-    assert first.is_tdd
+    assert first.splits_slot
     assert (first.slot, first.num_slots, first.maximum_age) == (1, 100, 50)
 
 
@@ -110,7 +110,7 @@ def test_nobody_charges_in_a_tdd_slot_that_is_all_uplink():
     tdd = replace(situation("tdd"), beta=np.zeros(1))
     assert tdd.charging() == []
     assert len(replace(tdd, beta=np.ones(1)).charging()) == 1
-    assert len(replace(tdd, is_tdd=False).charging()) == 1
+    assert len(replace(tdd, splits_slot=False).charging()) == 1
 
 
 @pytest.mark.parametrize("name", ["first", "tdd", "three-auvs", "40-nodes", "crowd", "one-cell"])

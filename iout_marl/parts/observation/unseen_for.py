@@ -4,6 +4,8 @@ from iout_marl.core.representation import Ranges
 from iout_marl.core.state import State
 from iout_marl.parts.observation.base import Entry, entries
 from iout_marl.physics.arrays import Array
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.fields import invalid
 
 
 @entries.register("unseen_for")
@@ -11,6 +13,11 @@ class UnseenFor(Entry):
     """How many slots ago each node's age and energy were what the AUV knows of them."""
 
     unit = "slots"
+
+    def check(self, scenario: Scenario) -> None:
+        if scenario.observation.view_range_m is None:
+            path = ("observation", "entries")
+            raise invalid(path, "unseen_for: everything is seen without observation.view_range_m")
 
     @property
     def size(self) -> int:

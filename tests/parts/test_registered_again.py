@@ -1,0 +1,224 @@
+"""No kind is asked for by its name: a part registered again under another name does all the same.
+
+Episodes, masks, observations, plans, bounds, trainings, pictures and reports are equal to the last
+bit; only the hash differs.
+"""
+
+import re
+
+import numpy as np
+import pytest
+from rich.console import Console
+from test_contracts import CELLS, OVERRIDES
+from tiny_study import SameProcess, write_study
+
+from iout_marl import InputError, Trainer, bounds, evaluate, load_scenario, record_episode
+from iout_marl.bounds.check_game import finite_game, is_covered
+from iout_marl.bounds.field import Field
+from iout_marl.outlook import energy_outlook
+from iout_marl.parts import Part
+from iout_marl.policies.planned import PlannerPolicy
+from iout_marl.policies.search import Budget
+from iout_marl.registry import registries, registry_of
+from iout_marl.render import Snapshot, as_picture, as_text
+from iout_marl.report.build import build_report
+from iout_marl.report.markdown import render_markdown
+from iout_marl.study import expand, load_study, run_study
+from iout_marl.study.run import StudyFolder
+from iout_marl.testing.parts import ALONE, SMALL, TEAM
+from iout_marl.testing.recorded import actions_for, episode, first_state
+from iout_marl.world import World
+
+AGAIN = "again_"
+#: All that is not a default: what a scenario says beneath holds for its own kind alone.
+SETTINGS = {
+    ("placement", "fixed"): {"cells": CELLS},
+    ("placement", "random"): {"count": 4},
+    ("duplex", "tdd"): {"beta_rule": "stored"},
+}
+KEYS = {
+    "absorption": "channel.absorption",
+    "access": "channel.access",
+    "beta rule": "duplex.beta_rule",
+    "channel": "channel",
+    "duplex": "duplex",
+    "motion": "auvs.motion",
+    "observation entry": "observation.entries",
+    "placement": "nodes",
+    "reward": "reward",
+}
+#: A short training, for a look at what it makes of a part.
+TRAINING = {
+    "training.environments": 4,
+    "training.rollout_slots": 8,
+    "training.minibatches": 2,
+    "training.hidden_units": [8],
+}
+CASES = [
+    pytest.param((registry.role, entry.kind), id=f"{registry.role}-{entry.kind}")
+    for registry in registries()
+    if registry.base is not None and issubclass(registry.base, Part)
+    for entry in registry
+    if not entry.is_outside
+]
+
+
+@pytest.fixture
+def pairs(request):
+    """Scenarios with a part, and with the same part under another name."""
+    role, kind = request.param
+    registry = registry_of(role)
+    registry.register(AGAIN + kind, version=1)(registry[kind].item)
+
+    def make(name, changes):
+        """The overrides of a bundled scenario for both, and both scenarios."""
+        both = []
+        for each in (kind, AGAIN + kind):
+            data = {"kind": each, **SETTINGS.get((role, kind), {})}
+            named = {KEYS[role]: [data] if role == "observation entry" else data}
+            # Of a placement the cells of another are no keys.
+            rest = {k: v for k, v in changes.items() if not (role == "placement" and "nodes." in k)}
+            both.append({**rest, **OVERRIDES.get((role, kind), {}), **named})
+        return both, [load_scenario(name, overrides) for overrides in both]
+
+    make.role = role
+    yield make
+    registry.unregister(AGAIN + kind)
+
+
+def every_pair(function):
+    return pytest.mark.parametrize("pairs", CASES, indirect=True)(function)
+
+
+def worlds(pairs, *teams):
+    """Pairs of scenarios in frequency and in time division, where the part is for both."""
+    found = []
+    for team in teams or (TEAM, ALONE):
+        for name in ("paper/k5-fdd", "best/k5-tdd"):
+            try:
+                found.append(pairs(name, SMALL | team)[1])
+            except InputError:
+                continue  # a rule for β is for time division, other AUVs for teams
+    assert found
+    return found
+
+
+def assert_same(found, expected):
+    assert type(found) is type(expected)
+    if isinstance(expected, np.ndarray):
+        np.testing.assert_array_equal(found, expected)
+        assert found.dtype == expected.dtype
+    elif isinstance(expected, dict):
+        assert found.keys() == expected.keys()
+        for name, value in expected.items():
+            assert_same(found[name], value)
+    elif isinstance(expected, list | tuple):
+        assert len(found) == len(expected)
+        for one, other in zip(found, expected, strict=True):
+            assert_same(one, other)
+    else:
+        assert found == expected
+
+
+@every_pair
+def test_episodes(pairs):
+    for first, second in worlds(pairs):
+        assert first.hash != second.hash
+        assert_same(*(played(scenario) for scenario in (second, first)))
+
+
+def played(scenario):
+    """States, events, rewards, observations, masks, metrics, pictures of an episode."""
+    world = World(scenario, 2)
+    start = first_state(world, [0, 1])
+    actions = actions_for(world, 0)
+    slots = [dict(slot.values) for slot in episode(world, start, actions)]
+    state, masks = start, []
+    for action in actions:
+        masks.append(world.action_mask(state))
+        state, events = world.step(state, action)
+    snapshot = Snapshot.of(world, state, events)
+    observer = world.observer
+    ranges = [[r.low, r.high, r.scale] for r in (observer.agent_ranges, observer.state_ranges)]
+    shown = as_text(snapshot), as_picture(snapshot), energy_outlook(scenario)
+    return slots, masks, world.metrics(state), ranges, shown
+
+
+@every_pair
+def test_policies_and_plans(pairs):
+    for first, second in worlds(pairs):
+        for make in (lambda: "greedy", lambda: "tour", lambda: PlannerPolicy(Budget(rounds=1))):
+            found, expected = (evaluate(s, make(), 2) for s in (second, first))
+            assert_same(found.samples, expected.samples)
+        found, expected = (record_episode(s, "tour").to_json() for s in (second, first))
+        assert found == expected
+
+
+@every_pair
+def test_bounds(pairs):
+    for first, second in worlds(pairs):
+        for function in (bounds.least_age_sum, bounds.delivery_bound, is_covered):
+            assert function(second) == function(first)
+        found, expected = (bounds.bound(scenario, seconds=0) for scenario in (second, first))
+        assert found.scheduling == expected.scheduling
+        stated = re.sub(f"; as stated by [a-z ]+ '{AGAIN}.*'", "", found.validity)
+        assert stated == expected.validity
+        role = pairs.role
+        relies = role in ("access", "placement") or (
+            role in ("duplex", "beta rule") and is_covered(first)
+        )
+        assert (stated != found.validity) == relies
+        if is_covered(first):
+            assert_same(*(game(scenario) for scenario in (second, first)))
+
+
+def game(scenario):
+    """What is searched for bounds, and what they are checked by."""
+    field = Field.of(scenario)
+    checked = finite_game(scenario, tuple(field.levels_j[:-1].tolist()))
+    searched = field.levels_j, tuple(field.tables), field.next_cells, field.start, field.distance_m
+    return searched, tuple(checked)
+
+
+@every_pair
+def test_trainings(pairs):
+    for first, second in worlds(pairs, TRAINING | TEAM):
+        logs, weights = zip(*(trained(scenario) for scenario in (second, first)), strict=True)
+        assert logs[0] == logs[1]
+        assert_same(*weights)
+
+
+def trained(scenario):
+    trainer = Trainer(scenario, seed=0)
+    log = trainer.iterate()
+    measured = {name: value for name, value in log.items() if not name.startswith("speed/")}
+    return measured, {name: weight.numpy() for name, weight in trainer.weights().items()}
+
+
+@every_pair
+def test_reports(pairs, tmp_path):
+    """Those of a study: but for the name and the hash."""
+    try:
+        overrides, _ = pairs("paper/k5-fdd", SMALL | TEAM)
+        name = "paper/k5-fdd"
+    except InputError:
+        overrides, _ = pairs("paper/k5-tdd", SMALL | TEAM)
+        name = "paper/k5-tdd"
+    texts = [reported(tmp_path / str(i), name, each) for i, each in enumerate(overrides)]
+    assert texts[0] == texts[1]
+
+
+def reported(folder, name, settings):
+    folder.mkdir()
+    group = {"scenarios": [name], "policies": ["greedy", "tour"], "episodes": 2}
+    group |= {"settings": settings}
+    study = load_study(write_study(folder / "tiny.yaml", groups={"all": group}, quick={}))
+    identity = {"name": "tiny", "title": "A tiny study", "overrides": [], "quick": False}
+    out = StudyFolder(folder / "out")
+    with out.open(identity):
+        pool, console = SameProcess(), Console(quiet=True)
+        cells = expand(*study)
+        results = run_study("tiny", study[0], cells, out, pool, "iout", console=console)
+    assert not results.failures
+    text = render_markdown(build_report(results), "figures").replace(AGAIN, "")
+    return re.sub(r"[0-9a-f]{12}|\d{4}-\d\d-\d\d.*", "…", text)
