@@ -173,6 +173,8 @@ class SB3VecEnv(VecEnv):
         Raises:
             AttributeError: `Slot` itself has an attribute of this name.
         """
+        if hasattr(Slot, attr_name):
+            raise AttributeError(f"{attr_name!r} is what a slot is, and cannot be set")
         for slot in self._chosen(indices):
             setattr(slot, attr_name, value)
 
@@ -253,20 +255,23 @@ class SB3VecEnv(VecEnv):
 
 
 class Slot:
-    """One slot of the VecEnv: what `get_attr`, `set_attr` and `env_method` reach.
-
-    Attributes:
-        world: which world it lies in, from 0 on.
-        agent: the name of its AUV.
-    """
+    """One slot of the VecEnv: what `get_attr`, `set_attr` and `env_method` reach."""
 
     #: What Gymnasium's environments have: the entry of a registry, which there is not.
     spec = None
 
     def __init__(self, vec_env: SB3VecEnv, index: int) -> None:
         self._vec_env, self._index = vec_env, index
-        self.world, auv = divmod(index, vec_env.episodes.world.num_auvs)
-        self.agent = f"auv_{auv}"
+
+    @property
+    def world(self) -> int:
+        """Which world it lies in, from 0 on."""
+        return self._index // self._vec_env.episodes.world.num_auvs
+
+    @property
+    def agent(self) -> str:
+        """The name of its AUV."""
+        return f"auv_{self._index % self._vec_env.episodes.world.num_auvs}"
 
     @property
     def scenario(self) -> Scenario:

@@ -1,9 +1,4 @@
-"""Action masks as sb3-contrib's MaskablePPO asks for them, from every way to Stable-Baselines3.
-
-It asks `is_masking_supported` once, and `get_action_masks` before every slot and prediction; both
-are written down here as its documentation has them. Its distribution takes the masks of all
-entries joined end to end.
-"""
+"""Action masks as sb3-contrib's MaskablePPO asks for them, by every way to Stable-Baselines3."""
 
 import itertools
 
@@ -11,7 +6,10 @@ import gymnasium
 import numpy as np
 import pytest
 from env_cases import SLOTS, STARTS, scenario
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecFrameStack, VecNormalize
+from sb3_contrib import MaskablePPO
+from sb3_contrib.common.maskable.evaluation import evaluate_policy
+from sb3_contrib.common.maskable.utils import get_action_masks, is_masking_supported
+from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
 from vec_env_cases import PLAYED
 
 from iout_marl import InputError, iout_v0, load_scenario
@@ -19,25 +17,14 @@ from iout_marl.envs import AUVEnv, sb3_vec_env, supersuit_vec_env
 
 WORLDS, SEED = 2, 3
 MASKS = ("none", "info", "observation")
-#: Little power and many directions: masks have zeros in them.
+#: So little power that some nodes are beyond reach: masks have zeros in them.
 TIGHT = {"charging.power_w": 2000}
+TINY = {"n_steps": SLOTS, "batch_size": 2 * SLOTS, "n_epochs": 2, "seed": 0}
 
-pytestmark = [
-    # Newer versions of Python warn of any fork beside threads, which SuperSuit's workers are.
-    pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning"),
-]
-
-
-def is_masking_supported(env):
-    if isinstance(env, VecEnv):
-        return env.has_attr("action_masks")
-    return env.has_wrapper_attr("action_masks")
-
-
-def get_action_masks(env):
-    if isinstance(env, VecEnv):
-        return np.stack(env.env_method("action_masks"))
-    return env.get_wrapper_attr("action_masks")()
+# Newer versions of Python warn of any fork beside threads, which SuperSuit's workers are.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:This process .* is multi-threaded:DeprecationWarning"
+)
 
 
 def allowed_actions(env, masks, rng):
@@ -166,3 +153,63 @@ def test_supersuit_without_masks_has_none_and_says_what_to_do(processes):
 def test_before_the_first_reset_there_are_no_masks(make):
     with pytest.raises(RuntimeError, match=r"call reset\(\) first"):
         make(scenario(mask="info")).action_masks()
+
+
+def policy_for(world):
+    in_observation = world.observation.action_mask == "observation"
+    return "MultiInputPolicy" if in_observation else "MlpPolicy"
+
+
+def hidden_choices(told):
+    """How many of the actions of a step of a rollout were masked."""
+    masks, actions = told["action_masks"], told["actions"].astype(int)
+    sizes = told["env"].action_space.nvec
+    first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    return int((~np.take_along_axis(masks, actions + first, axis=1)).sum())
+
+
+@pytest.mark.parametrize("mask", MASKS)
+@pytest.mark.parametrize("auvs", STARTS)
+def test_maskable_ppo_trains_on_the_batched_world(auvs, mask):
+    world = scenario(auvs=auvs, mask=mask, **TIGHT)
+    model = MaskablePPO(policy_for(world), sb3_vec_env(world, WORLDS), **TINY)
+    before = [parameter.clone() for parameter in model.policy.parameters()]
+    hidden = []
+
+    def look(told, _):
+        hidden.append(hidden_choices(told))
+        return True
+
+    model.learn(2 * SLOTS * WORLDS * auvs, look)
+    assert hidden == [0] * (2 * SLOTS)
+    assert (model.rollout_buffer.action_masks == 0).any()
+    assert any((a != b).any() for a, b in zip(before, model.policy.parameters(), strict=True))
+    assert len(model.ep_info_buffer) == 2 * WORLDS * auvs
+    returns, lengths = evaluate_policy(
+        model, sb3_vec_env(world, WORLDS), 4, return_episode_rewards=True
+    )
+    assert lengths == [SLOTS] * 4
+    assert np.isfinite(returns).all()
+
+
+@pytest.mark.parametrize("processes", [0, 2])
+@pytest.mark.parametrize("mask", ["info", "observation"])
+def test_maskable_ppo_trains_on_both_routes_alike(mask, processes):
+    world = scenario(auvs=3, mask=mask, **TIGHT)
+    routes = [sb3_vec_env(world, WORLDS), supersuit_vec_env(world, WORLDS, processes)]
+    ours, theirs = (
+        [*MaskablePPO(policy_for(world), each, **TINY).learn(120).policy.parameters()]
+        for each in routes
+    )
+    for a, b in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(a.detach(), b.detach(), rtol=1e-4, atol=1e-5)
+    routes[1].close()
+
+
+@pytest.mark.parametrize("mask", MASKS)
+def test_maskable_ppo_trains_on_the_joint_environment_without_a_wrapper(mask):
+    world = scenario(auvs=3, mask=mask, **TIGHT)
+    model = MaskablePPO(policy_for(world), AUVEnv(world), **TINY)
+    model.learn(2 * SLOTS)
+    assert (model.rollout_buffer.action_masks == 0).any()
+    assert model.rollout_buffer.action_masks.shape[-1] == 3 * (6 + 3 + 3)

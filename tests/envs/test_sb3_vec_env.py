@@ -13,6 +13,8 @@ from iout_marl.testing import assert_equal
 
 WORLDS = 3
 SEED = 7
+#: A single world is played number by number.
+BATCHES = [(case, WORLDS) for case in CASES] + [(case, 1) for case in CASES if "episode" in case]
 
 each_case = pytest.mark.parametrize("case", CASES)
 each_fleet = pytest.mark.parametrize("auvs", STARTS)
@@ -23,13 +25,13 @@ def test_joint_environment_passes_sb3s_checker(case):
     check_env(AUVEnv(case_scenario(case)))
 
 
-@each_case
-def test_slot_by_slot_it_plays_what_the_parallel_environments_play(case):
+@pytest.mark.parametrize(("case", "worlds"), BATCHES)
+def test_slot_by_slot_it_plays_what_the_parallel_environments_play(case, worlds):
     world = case_scenario(case)
-    vec_env = sb3_vec_env(world, WORLDS)
-    singles = [iout_v0.parallel_env(world) for _ in range(WORLDS)]
+    vec_env = sb3_vec_env(world, worlds)
+    singles = [iout_v0.parallel_env(world) for _ in range(worlds)]
     names = singles[0].possible_agents
-    places = [(env, name) for env in range(WORLDS) for name in names]
+    places = [(env, name) for env in range(worlds) for name in names]
     assert vec_env.num_envs == len(places)
     assert vec_env.observation_space == singles[0].observation_space("auv_0")
     assert vec_env.action_space == singles[0].action_space("auv_0")
@@ -44,7 +46,7 @@ def test_slot_by_slot_it_plays_what_the_parallel_environments_play(case):
     returns, ends = np.zeros(len(places)), 0
     for actions in actions_for(vec_env):
         observations, rewards, dones, infos = vec_env.step(actions)
-        by_env = actions.reshape(WORLDS, len(names), -1)
+        by_env = actions.reshape(worlds, len(names), -1)
         results = [
             single.step(dict(zip(names, own, strict=True)))
             for single, own in zip(singles, by_env, strict=True)

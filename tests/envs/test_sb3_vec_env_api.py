@@ -45,8 +45,9 @@ def test_attributes_and_methods_of_slots_are_reached(wrap):
     assert not vec_env.has_attr("nowhere")
     with pytest.raises(AttributeError, match="nowhere"):
         vec_env.get_attr("nowhere")
-    with pytest.raises(AttributeError, match="scenario"):
-        vec_env.set_attr("scenario", None)
+    for own in ("scenario", "world", "spec", "action_masks"):
+        with pytest.raises(AttributeError, match=f"^'{own}' is what a slot is"):
+            vec_env.set_attr(own, None)
     assert vec_env.env_is_wrapped(AUVEnv) == [False] * 6
     assert vec_env.env_is_wrapped(Monitor, indices=[0, 1]) == [True] * 2
     vec_env.close()
