@@ -1,4 +1,4 @@
-"""Environment steps a second, side by side: single, SuperSuit × 16, batched, and others' own.
+"""Environment steps a second, side by side: single, for Stable-Baselines3, batched, others' own.
 
 A step is one slot of one environment with its action drawn beforehand, and includes
 reward, observation and infos of the face. Each subject runs `--repeats` times in turn;
@@ -34,11 +34,10 @@ from typing import Any
 
 import machine
 import numpy as np
-import supersuit
 import torch
 
 from iout_marl import iout_v0
-from iout_marl.envs import AUVVectorEnv
+from iout_marl.envs import AUVVectorEnv, sb3_vec_env, supersuit_vec_env
 from iout_marl.scenario import load_scenario
 from iout_marl.world import World, node_codes
 
@@ -63,21 +62,24 @@ def single(scenario: str, episodes: int = 20) -> float:
     return episodes * slots / (time.perf_counter() - started)
 
 
-def supersuit_copies(scenario: str, copies: int = 16, episodes: int = 2) -> float:
-    """Copies of the ParallelEnv through SuperSuit, in one process."""
-    env = iout_v0.parallel_env(scenario)
-    slots = env.scenario.num_slots
-    sizes = tuple(env.action_space("auv_0").nvec)
-    vec = supersuit.concat_vec_envs_v1(
-        supersuit.pettingzoo_env_to_vec_env_v1(env), copies, num_cpus=0, base_class="gymnasium"
-    )
-    vec.reset(seed=0)
-    actions = _actions(sizes, slots, copies)
-    started = time.perf_counter()
-    for _ in range(episodes):
-        for action in actions:
-            vec.step(action)
-    return episodes * slots * copies / (time.perf_counter() - started)
+def sb3_copies(
+    make: Callable[[str, int], Any], copies: int = 16, episodes: int = 2
+) -> Callable[[str], float]:
+    """A VecEnv of Stable-Baselines3, in one process."""
+
+    def measure(scenario: str) -> float:
+        vec = make(scenario, copies)
+        slots = load_scenario(scenario).num_slots
+        actions = _actions(tuple(vec.action_space.nvec), slots, vec.num_envs)
+        vec.seed(0)
+        vec.reset()
+        started = time.perf_counter()
+        for _ in range(episodes):
+            for action in actions:
+                vec.step(action)
+        return episodes * slots * copies / (time.perf_counter() - started)
+
+    return measure
 
 
 def vector_env(scenario: str, copies: int = 4096, episodes: int = 1) -> float:
@@ -208,11 +210,13 @@ def main() -> None:
     torch.set_num_threads(1)
     # Deprecations in other projects' code are theirs.
     warnings.simplefilter("ignore")
+    no_sb3 = lacks("stable_baselines3")
     #: By name: how fast it is, and why it cannot run, if so.
     subjects: dict[str, tuple[Callable[[str], float], str | None]] = {
         "ParallelEnv": (single, None),
         "ParallelEnv, multi/m3-k10-fdd": (lambda _: single("multi/m3-k10-fdd"), None),
-        "SuperSuit x 16": (supersuit_copies, None),
+        "sb3_vec_env x 16": (sb3_copies(sb3_vec_env, episodes=20), no_sb3),
+        "SuperSuit x 16": (sb3_copies(supersuit_vec_env), no_sb3),
         "VectorEnv x 4096": (vector_env, None),
         "World x 4096, NumPy": (batched_world(np), None),
         "World x 4096, torch": (batched_world(torch), None),

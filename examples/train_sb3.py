@@ -1,10 +1,10 @@
-"""Stable-Baselines3's PPO, through SuperSuit: one policy that all AUVs share.
+"""Stable-Baselines3's PPO on the batched world: one policy that all AUVs share.
 
     pip install stable-baselines3
     python examples/train_sb3.py [--scenario best/k10-fdd] [--auvs 3] [--steps 30_000]
 
-SuperSuit makes every AUV of every copy of the environment a slot of one VecEnv, so that a
-single-agent algorithm learns from all of them: parameter sharing, independent PPO.
+Every AUV of every world is a slot of one VecEnv, so that a single-agent algorithm learns from all
+of them: parameter sharing, independent PPO. sb3-contrib's MaskablePPO takes the same VecEnv.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from iout_marl.envs import sb3_vec_env
 
 
 def make_model(scenario: Scenario, seed: int = 0, num_envs: int = 4) -> PPO:
-    """PPO on `num_envs` copies of the environment; every rollout is an episode of each."""
+    """PPO on `num_envs` worlds; every rollout is an episode of each."""
     vec_env = sb3_vec_env(scenario, num_envs)
     return PPO(
         "MlpPolicy",

@@ -77,6 +77,17 @@ class AUVEnv(gymnasium.Env[Any, Any]):
         reward = float(self._episodes.step(actions).mean())
         return self._observation(), reward, False, self._episodes.is_over, self._info()
 
+    def action_masks(self) -> npt.NDArray[np.bool_]:
+        """(auvs · choices,): True for each sensible choice, entries joined end to end.
+
+        The form that sb3-contrib's MaskablePPO asks for, whatever `observation.action_mask` of
+        the scenario says.
+
+        Raises:
+            RuntimeError: before the first reset.
+        """
+        return self._episodes.masks()[0].reshape(-1).astype(np.bool_)
+
     def render(self) -> Any:
         """Text or pixels of the current slot, as `render_mode` says; None without one."""
         return self._episodes.render()

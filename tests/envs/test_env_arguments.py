@@ -22,7 +22,7 @@ from gymnasium.wrappers.vector import (
 )
 
 from iout_marl import World, iout_v0, load_scenario
-from iout_marl.envs import AUVEnv, AUVParallelEnv, AUVVectorEnv, sb3_vec_env
+from iout_marl.envs import AUVEnv, AUVParallelEnv, AUVVectorEnv, sb3_vec_env, supersuit_vec_env
 from iout_marl.errors import InputError
 from iout_marl.world import node_codes
 
@@ -35,6 +35,7 @@ FACTORIES = {
     "AUVEnv": AUVEnv,
     "AUVVectorEnv": AUVVectorEnv,
     "sb3_vec_env": sb3_vec_env,
+    "supersuit_vec_env": supersuit_vec_env,
     "gymnasium.make": lambda scenario, **more: gymnasium.make(
         "iout_marl:AUV-v0", scenario=scenario, **more
     ),
@@ -67,7 +68,7 @@ def test_a_mapping_is_a_scenario(make):
 
 
 # `gymnasium.make` warns of these itself.
-@pytest.mark.parametrize("name", sorted(set(FACTORIES) - {"sb3_vec_env", "gymnasium.make"}))
+@pytest.mark.parametrize("name", sorted(set(FACTORIES) - {"supersuit_vec_env", "gymnasium.make"}))
 @pytest.mark.parametrize("bad", ["ascii", "", 1, True, ["human"], b"human", "HUMAN"])
 def test_an_unknown_render_mode_is_refused(name, bad):
     with pytest.raises(InputError, match=r"^render_mode must be one of .* or None, not "):
@@ -91,19 +92,21 @@ def test_num_envs_that_is_no_count_is_refused(bad):
     for make in (lambda n: AUVVectorEnv(WORLD, n), lambda n: World(WORLD, n)):
         with pytest.raises(InputError, match=r"^num_envs must be (a whole number|at (least|most))"):
             make(bad)
-    with pytest.raises(InputError, match=r"^num_envs must be (a whole number|at (least|most))"):
-        sb3_vec_env(WORLD, num_envs=bad)
+    for make in (sb3_vec_env, supersuit_vec_env):
+        with pytest.raises(InputError, match=r"^num_envs must be (a whole number|at (least|most))"):
+            make(WORLD, num_envs=bad)
 
 
 @pytest.mark.parametrize("count", [2.0, np.int64(2), np.float32(2)])
 def test_num_envs_may_be_of_any_type_of_whole_numbers(count):
     assert World(WORLD, count).num_envs == AUVVectorEnv(WORLD, count).num_envs == 2
+    assert sb3_vec_env(WORLD, count).num_envs == 2
 
 
 @pytest.mark.parametrize("bad", [-1, 0.5, "1", None, True, 10**6])
 def test_processes_that_are_no_count_are_refused(bad):
     with pytest.raises(InputError, match=r"^processes must be (a whole number|at (least|most))"):
-        sb3_vec_env(WORLD, processes=bad)
+        supersuit_vec_env(WORLD, processes=bad)
 
 
 @pytest.mark.parametrize("bad", ["SameSteps", "", 1, True, ["SameStep"], "same_step"])

@@ -50,7 +50,7 @@ def assert_learns(mean_aoi, parameters, learn):
 
 
 @pytest.mark.parametrize("example", ["sb3"], indirect=True)
-def test_stable_baselines3_learns_through_supersuit(example):
+def test_stable_baselines3_learns(example):
     module, scenario = example
     model = module.make_model(scenario, seed=0)
     policy = module.policy_of(model)

@@ -112,6 +112,9 @@ TAKES = {
     "iout_marl.envs.sb3_vec_env": lambda s, o, _: slots_of_copies(
         envs.sb3_vec_env(s, 2, overrides=o)
     ),
+    "iout_marl.envs.supersuit_vec_env": lambda s, o, _: slots_of_copies(
+        envs.supersuit_vec_env(s, 2, overrides=o)
+    ),
     "iout_marl.bounds.least_age_sum": lambda s, o, _: slots_by_age(
         bounds.least_age_sum(s, overrides=o), s, o
     ),

@@ -1,4 +1,4 @@
-"""Stable-Baselines3, SuperSuit and TorchRL take the environments as they are."""
+"""SuperSuit, Stable-Baselines3 behind it, and TorchRL take the environments as they are."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from torchrl.envs import PettingZooWrapper
 from torchrl.envs.utils import check_env_specs
 
 from iout_marl import iout_v0
-from iout_marl.envs import AUVEnv, sb3_vec_env
+from iout_marl.envs import AUVEnv, supersuit_vec_env
 
 #: Three different layouts are drawn for three copies, and can be told apart.
 COPIES = 3
@@ -27,11 +27,11 @@ pytestmark = [
 
 @pytest.fixture
 def make_vec_env():
-    """`sb3_vec_env`, closed at the end of the test."""
+    """`supersuit_vec_env`, closed at the end of the test."""
     made = []
 
     def make(*args, **kwargs):
-        made.append(sb3_vec_env(*args, **kwargs))
+        made.append(supersuit_vec_env(*args, **kwargs))
         return made[-1]
 
     yield make
