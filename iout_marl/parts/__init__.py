@@ -23,8 +23,9 @@ from iout_marl.parts.base import Context, Part, at_work
 from iout_marl.parts.beta_rule import BetaRule, beta_rules
 from iout_marl.parts.channel import Channel, channels
 from iout_marl.parts.duplex import Duplex, duplexes
+from iout_marl.parts.entry import Entry, entries
 from iout_marl.parts.motion import Motion, motions
-from iout_marl.parts.observation import Entry, entries
+from iout_marl.parts.observation import Representation, representations
 from iout_marl.parts.placement import Placement, placements
 from iout_marl.parts.reward import Reward, rewards
 from iout_marl.scenario.fields import (
@@ -56,6 +57,7 @@ __all__ = [
     "Placement",
     "Plausible",
     "Positive",
+    "Representation",
     "Request",
     "Reward",
     "Settings",
@@ -70,6 +72,7 @@ __all__ = [
     "invalid",
     "motions",
     "placements",
+    "representations",
     "rewards",
 ]
 

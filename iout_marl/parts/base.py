@@ -10,12 +10,14 @@ from iout_marl.arrays.nodes import NodeAxis
 from iout_marl.core.credit import Credit
 from iout_marl.core.grid import Grid
 from iout_marl.core.link import Link
-from iout_marl.core.representation import Representation
 from iout_marl.core.view import View
 from iout_marl.errors import InputError
 from iout_marl.registry import Entry
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.parts import Settings as PartSettings
+
+if TYPE_CHECKING:
+    from iout_marl.parts.observation import Representation
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ as the kind alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 
 from pydantic import BaseModel, GetCoreSchemaHandler, SerializationInfo, create_model
 from pydantic.fields import FieldInfo
@@ -99,10 +99,12 @@ class PartOf:
     Attributes:
         role: of the part.
         is_word: it may be written as its kind alone, and is, where it has no other key.
+        default: the kind of a mapping that names none; empty where one must be named.
     """
 
     role: str
     is_word: bool = False
+    default: str = ""
 
     def models(self) -> tuple[type[Settings], ...]:
         """The settings of every kind."""
@@ -121,9 +123,17 @@ class PartOf:
                 _to_word if self.is_word else _to_mapping, info_arg=True
             ),
         )
-        if not self.is_word:
-            return union
-        return core_schema.no_info_before_validator_function(_from_word, union)
+        if self.is_word:
+            return core_schema.no_info_before_validator_function(_from_word, union)
+        if self.default:
+            return core_schema.no_info_before_validator_function(self.with_default, union)
+        return union
+
+    def with_default(self, value: Any) -> Any:
+        """A mapping with the kind that holds where it names none."""
+        if self.default and isinstance(value, Mapping) and "kind" not in value:
+            return {"kind": self.default, **value}
+        return value
 
 
 def _from_word(value: Any) -> Any:
@@ -159,7 +169,20 @@ def parts_in(section: BaseModel, path: KeyPath = ()) -> Iterator[tuple[KeyPath, 
 def part_models() -> tuple[type[Settings], ...]:
     """Settings of all registered parts that hold parts themselves."""
     models = [settings_model(e) for registry in registries() for e in registry if _is_part(e.item)]
-    return tuple(m for m in models if any(map(part_of, m.model_fields.values())))
+    return tuple(
+        model
+        for model in models
+        if any(
+            part_of(field) or _names_part(field.annotation) for field in model.model_fields.values()
+        )
+    )
+
+
+def _names_part(annotation: Any) -> bool:
+    """Whether parts are listed in a field of that type."""
+    if any(isinstance(found, PartOf) for found in getattr(annotation, "__metadata__", ())):
+        return True
+    return any(map(_names_part, get_args(annotation)))
 
 
 def _is_part(item: Any) -> bool:

@@ -28,7 +28,6 @@ from iout_marl.scenario.sections import (
     Fairness,
     Grid,
     Harvester,
-    Observation,
     Uplink,
 )
 from iout_marl.scenario.starts import spread_starts
@@ -65,7 +64,10 @@ class Scenario(Section):
     fairness: Fairness = Field(default_factory=Fairness)
     #: What a slot is worth to each AUV.
     reward: Annotated[Settings, PartOf("reward")]
-    observation: Observation = Field(default_factory=Observation)
+    #: What an AUV sees, and how it is written.
+    observation: Annotated[Settings, PartOf("observation", default="paper")] = Field(
+        {"kind": "paper"}, validate_default=True
+    )
     training: Training
 
     @field_validator("allow_implausible")
@@ -307,7 +309,7 @@ def _rebuild() -> None:
     """Take in a part that was registered after a scenario had been read."""
     forget_keys()
     if Scenario.__pydantic_complete__:
-        holders: tuple[type[BaseModel], ...] = (*part_models(), Auvs, Observation, Scenario)
+        holders: tuple[type[BaseModel], ...] = (*part_models(), Auvs, Scenario)
         for model in holders:
             model.model_rebuild(force=True)
 

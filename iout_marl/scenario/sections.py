@@ -6,7 +6,7 @@ Sections and keys that name a part have the settings of a registered kind: see `
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -124,45 +124,3 @@ class Fairness(Section):
 
     #: J_min: an episode that ends below it is a violation.
     minimum_jain: Fraction = 0.85
-
-
-class Observation(Section):
-    """What an AUV sees: its position, the ages and the stored energies of the nodes.
-
-    `paper` in cells, slots and joules; `scaled` the same in [0, 1], energies by
-    e/(e + reference), where the reference is the energy of an uplink over half the grid.
-    """
-
-    #: How positions, ages and energies are written.
-    kind: Literal["paper", "scaled"] = "paper"
-    #: Append the positions of the nodes, for layouts that change.
-    node_positions: bool = False
-    #: Append the share of the episode that is over.
-    time: bool = False
-    #: Append where the other AUVs are, relative to the own position, the nearest first.
-    other_auvs: bool = True
-    #: Append which AUV this is, as M entries of which one is 1.
-    agent_index: bool = False
-    #: Distance up to which an AUV knows a node's age and energy; those of a node farther away
-    #: are what they were when it last was near or delivered to this AUV, and how many slots
-    #: ago that was is appended. null: everything is known to all.
-    view_range_m: Annotated[Positive, Plausible(0, 1e7, "m")] | None = None
-    #: Entries of one's own, appended after all others.
-    entries: Annotated[
-        tuple[Annotated[Settings, PartOf("observation entry", is_word=True)], ...],
-        Field(strict=False, max_length=100),
-    ] = ()
-    #: Where the mask of sensible actions is handed out, if at all.
-    action_mask: Literal["none", "info", "observation"] = "none"
-
-    hash_defaults: ClassVar[dict[str, Any]] = {
-        "agent_index": False,
-        "entries": [],
-        "other_auvs": True,
-        "view_range_m": None,
-    }
-
-    @property
-    def is_scaled(self) -> bool:
-        """Whether all is written in [0, 1]."""
-        return self.kind == "scaled"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 
-from iout_marl.core.representation import Ranges
+from iout_marl.core.ranges import Ranges
 from iout_marl.core.state import State
 from iout_marl.parts import Context, Entry, at_work
 from iout_marl.physics.arrays import Array, turned

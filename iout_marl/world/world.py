@@ -16,12 +16,19 @@ from iout_marl.core.credit import Credit
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import MOST_ENVS, check_scenario
 from iout_marl.core.link import Link
-from iout_marl.core.representation import Representation
 from iout_marl.core.state import Events, State
 from iout_marl.core.view import View
 from iout_marl.errors import InputError
 from iout_marl.metrics import Metric, registered
-from iout_marl.parts import Access, Context, Duplex, Request, Reward, at_work
+from iout_marl.parts import (
+    Access,
+    Context,
+    Duplex,
+    Representation,
+    Request,
+    Reward,
+    at_work,
+)
 from iout_marl.physics.arrays import Array, cast
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario
 from iout_marl.scenario.parts import outside_parts
@@ -101,7 +108,7 @@ class World:
         self.nodes = NodeAxis(num_envs, self.num_auvs, self.num_nodes, backend)
         self.view = View(scenario, self.link, self.nodes, backend)
         self.credit = Credit(scenario, self.nodes, backend)
-        self.representation = Representation(scenario, self.grid, self.link, backend)
+        self.representation: Representation = scenario.observation.part
         context = Context(
             scenario,
             num_envs,
@@ -113,6 +120,8 @@ class World:
             self.view,
             self.representation,
         )
+        with scenario.observation.entry.blamed():
+            self.representation.setup(context)
         self.duplex: Duplex = at_work(scenario.duplex, context)
         self.access: Access = at_work(scenario.channel.access, context)
         self.reward_part: Reward = at_work(scenario.reward, context)

@@ -137,7 +137,7 @@ ENTRIES = {
     "size must be at least 1, not 0": {"size": 0},
     "size must be a whole number": {"size": 2.5},
     r"ranges\(\).low must have shape \(2,\), as size says, not \(1,\)": {
-        "size": 2, "ranges": lambda part: parts.observation.base.Ranges.alike(1, 0, 1, 1)
+        "size": 2, "ranges": lambda part: parts.entry.base.Ranges.alike(1, 0, 1, 1)
     },
     "low must not exceed high": {"low": 2.0},
     "scale must be above 0": {"scale": 0.0},

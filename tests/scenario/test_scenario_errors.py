@@ -125,7 +125,7 @@ LINES = {
     "duplex: {kind: [fdd]}": "duplex.kind: unknown kind",
     "duplex: {kind: null}": "duplex.kind: ",
     "nodes: null": "nodes: must be a mapping of keys to values, not None",
-    "observation: {kind: papr}": "observation.kind: unknown value 'papr'; did you mean 'paper'?",
+    "observation: {kind: papr}": "observation.kind: unknown kind 'papr'; did you mean 'paper'?",
     "nodes: {kind: random, count: 3, redraw: never}": "nodes.redraw: unknown value 'never' (known",
     # Types.
     "age: 3": "age: must be a mapping of keys to values, not 3",

@@ -1,5 +1,5 @@
-"""Entries of an observation."""
+"""How an observation writes what an AUV sees."""
 
-from iout_marl.parts.observation.base import Entry, entries
+from iout_marl.parts.observation.base import Representation, representations
 
-__all__ = ["Entry", "entries"]
+__all__ = ["Representation", "representations"]

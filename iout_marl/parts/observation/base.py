@@ -1,88 +1,145 @@
-"""Entries of an observation: of what an AUV sees, one after the other."""
+"""How an AUV's observation writes positions, ages, energies, counts and times."""
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
-from iout_marl.core.representation import Ranges
-from iout_marl.core.state import State
-from iout_marl.parts.base import Part
-from iout_marl.physics.arrays import Array
+from iout_marl.core.limits import FARTHEST_M, UPLINK_W, bounded, unheard
+from iout_marl.core.link import Link
+from iout_marl.core.ranges import Ranges
+from iout_marl.parts.base import Context, Part
+from iout_marl.physics.arrays import Array, lookup, turned
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
-from iout_marl.whole import short, whole_number
+from iout_marl.scenario.fields import Plausible, Positive
+from iout_marl.scenario.parts import PartOf
+from iout_marl.scenario.parts import Settings as PartSettings
 
 
-class Entry(Part):
-    """One or several numbers of an observation, the same for every AUV or one's own.
+class Representation(Part):
+    """What an AUV sees, and how it is written: here as it is, in cells, slots and joules.
 
     Attributes:
-        unit: of the numbers, where they are not scaled.
-        low, high, scale: the range of the numbers, and what makes them of order one, where
-            `ranges` does not say it of each.
-        feeds_node_network: whether it has one number for each node, of which the network for
-            every node alike (`training.node_network`) is made.
+        price_j: the energy of an uplink over half the grid's diagonal, in J: the reference for
+            stored energies.
     """
 
-    unit: ClassVar[str] = ""
-    low: float = 0.0
-    high: float = 1.0
-    scale: float = 1.0
-    feeds_node_network: ClassVar[bool] = False
+    class Settings(PartSettings):
+        #: Append the positions of the nodes, for layouts that change.
+        node_positions: bool = False
+        #: Append the share of the episode that is over.
+        time: bool = False
+        #: Append where the other AUVs are, relative to the own position, the nearest first.
+        other_auvs: bool = True
+        #: Append which AUV this is, as M entries of which one is 1.
+        agent_index: bool = False
+        #: Distance up to which an AUV knows a node's age and energy; those of a node farther away
+        #: are what they were when it last was near or delivered to this AUV, and how many slots
+        #: ago that was is appended. null: everything is known to all.
+        view_range_m: Annotated[Positive, Plausible(0, 1e7, "m")] | None = None
+        #: Entries of one's own, appended after all others.
+        entries: Annotated[
+            tuple[Annotated[PartSettings, PartOf("observation entry", is_word=True)], ...],
+            Field(strict=False, max_length=100),
+        ] = ()
+        #: Where the mask of sensible actions is handed out, if at all.
+        action_mask: Literal["none", "info", "observation"] = "none"
 
-    @property
-    def size(self) -> int:
-        """How many numbers, once it is set up."""
-        return 1
+        hash_defaults: ClassVar[dict[str, Any]] = {
+            "agent_index": False,
+            "entries": [],
+            "other_auvs": True,
+            "view_range_m": None,
+        }
 
-    def ranges(self) -> Ranges:
-        """The ranges of the numbers, (size,) each, once it is set up."""
-        return Ranges.alike(self.size, self.low, self.high, self.scale)
+    settings: Settings
 
-    def check_stated(self, scenario: Scenario) -> None:  # noqa: ARG002
-        if not isinstance(self.unit, str):
-            raise self.fault(f"unit must be a text, not {short(self.unit)}")
+    def setup(self, world: Context) -> None:
+        super().setup(world)
+        scenario, grid, link, backend = world.scenario, world.grid, world.link, world.backend
+        self.price_j = _price_j(scenario, link)
+        self._num_nodes, self._num_slots = scenario.num_nodes, scenario.num_slots
+        #: x, y and z by code, one after the other; where each begins, to go with the cells
+        #: of AUVs and nodes, or of pairs of AUVs.
+        self._coordinates = backend.floats(grid.coordinate_table().T.reshape(-1) + 1)
+        axes = backend.integers(np.arange(3) * grid.num_codes)
+        self._axes = {2: axes[:, None, None], 3: axes[:, None, None, None]}
+        self._size = np.array(grid.shape, dtype=np.float64)
+        self._maximum_age = float(scenario.age.maximum)
+        # All AUVs at the node, charging it alone through the whole episode.
+        best_slot_j = float(link.budget.harvested_power_w(0.0)) * scenario.slot_s
+        self._most_j = best_slot_j * scenario.num_slots * scenario.num_auvs
 
-    def checked_ranges(self) -> Ranges:
-        """What `ranges` gives, after a look at it.
+    def in_cells(self, cell: Array) -> Array:
+        """x, y and z of cells by code, counted from 1: (…, 3)."""
+        places = self._axes[cell.ndim] + turned(self.xp, cell)
+        return turned(self.xp, lookup(self.xp, self._coordinates, places))
 
-        Raises:
-            InputError: it does not go with `size`, or with itself.
-        """
-        try:
-            size = whole_number(self.size, 1)
-        except ValueError as error:
-            raise self.fault(f"size {error}") from None
-        if self.feeds_node_network and size != self.world.scenario.num_nodes:
-            raise self.fault(f"feeds_node_network: size must be one for each node, not {size}")
-        ranges = self.ranges()
-        for name in ("low", "high", "scale"):
-            shape = np.shape(getattr(ranges, name))
-            if shape != (size,):
-                raise self.fault(
-                    f"ranges().{name} must have shape {(size,)}, as size says, not {shape}"
-                )
-            if not np.isfinite(getattr(ranges, name)).all():
-                raise self.fault(f"ranges().{name} must be finite")
-        if not (ranges.low <= ranges.high).all():
-            raise self.fault("low must not exceed high")
-        if not (ranges.scale > 0).all():
-            raise self.fault("scale must be above 0")
-        return ranges
+    def positions(self, cell: Array) -> Array:
+        """x, y and z of cells by code: (…, 3)."""
+        return self.in_cells(cell)
 
-    def for_every_auv(self, values: Array) -> Array:
-        """(envs, size) as (envs, auvs, size)."""
-        num_auvs = self.world.scenario.num_auvs
-        if num_auvs == 1:
-            return values[:, None, :]
-        shape = (values.shape[0], num_auvs, values.shape[1])
-        return self.xp.broadcast_to(values[:, None, :], shape)
+    def position_ranges(self) -> Ranges:
+        """Of one cell."""
+        return Ranges(np.ones(3), self._size, self._size)
 
-    def __call__(self, state: State) -> Array:
-        """The numbers, (envs, auvs, size); (envs, 1, size) is for all AUVs alike."""
-        raise NotImplementedError
+    def steps(self, steps: Array) -> Array:
+        """Differences of positions in cells, (…, 3)."""
+        return steps
+
+    def step_ranges(self) -> Ranges:
+        """Of one difference."""
+        far = np.maximum(self._size - 1, 1)
+        return Ranges(-far, far, far)
+
+    def ages(self, age: Array) -> Array:
+        """Ages in slots."""
+        return age
+
+    def age_ranges(self) -> Ranges:
+        """Of one age for each node."""
+        return Ranges.alike(self._num_nodes, 1, self._maximum_age, self._maximum_age)
+
+    def energies(self, energy_j: Array) -> Array:
+        """Stored energies in J."""
+        return energy_j
+
+    def energy_ranges(self) -> Ranges:
+        """Of one energy for each node."""
+        return Ranges.alike(self._num_nodes, 0, self._most_j, self.price_j)
+
+    def counts(self, deliveries: Array) -> Array:
+        """Numbers of deliveries."""
+        return deliveries
+
+    def count_ranges(self) -> Ranges:
+        """Of one number for each node; K nodes share the deliveries."""
+        slots = self._num_slots
+        return Ranges.alike(self._num_nodes, 0, slots, slots / self._num_nodes)
+
+    def durations(self, slots: Array) -> Array:
+        """Numbers of slots."""
+        return slots
+
+    def duration_ranges(self) -> Ranges:
+        """Of one duration for each node."""
+        return Ranges.alike(self._num_nodes, 0, self._num_slots, self._num_slots)
+
+    def time(self, slot: Array) -> Array:
+        """The share of the episode that is over: (envs,) slots to (envs, 1)."""
+        return self.xp.astype(slot, self.world.backend.dtype)[:, None] / self._num_slots
 
 
-entries: Registry[type[Entry]] = Registry("observation entry", Entry)
+representations: Registry[type[Representation]] = Registry("observation", Representation)
+
+
+def _price_j(scenario: Scenario, link: Link) -> float:
+    """Energy of an uplink over half the grid's diagonal: the yardstick for stored energy."""
+    half_diagonal = 0.5 * scenario.grid.spacing_m * np.linalg.norm(scenario.grid.cells)
+    power_per_snr_w = link.budget.power_per_snr_w(min(float(half_diagonal), FARTHEST_M))
+    price_j = unheard(link.budget.required_energy_j)(power_per_snr_w, link.slot_s)
+    # Divisors must be no less than numbers are, nor more.
+    return float(bounded(price_j, *UPLINK_W))

@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.core.grid import Grid
-from iout_marl.core.representation import Ranges
+from iout_marl.core.ranges import Ranges
 from iout_marl.core.state import State
 from iout_marl.parts.base import Context
-from iout_marl.parts.observation.base import Entry, entries
+from iout_marl.parts.entry.base import Entry, entries
 from iout_marl.physics.arrays import Array, lookup
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import invalid
@@ -50,10 +50,7 @@ class OtherAuvs(Entry):
         # Of AUVs in one cell any may come first: they look alike.
         first = xp.arange(0, num_envs * num_auvs, num_auvs, device=cell.device)
         others = lookup(xp, cell, first[:, None, None] + order)
-        steps = (
-            representation.positions(others, scaled=False)
-            - representation.positions(cell, scaled=False)[:, :, None, :]
-        )
+        steps = representation.in_cells(others) - representation.in_cells(cell)[:, :, None, :]
         return xp.reshape(representation.steps(steps), (num_envs, num_auvs, -1))
 
 

@@ -1,7 +1,7 @@
 """How much of the episode is over."""
 
 from iout_marl.core.state import State
-from iout_marl.parts.observation.base import Entry, entries
+from iout_marl.parts.entry.base import Entry, entries
 from iout_marl.physics.arrays import Array
 
 

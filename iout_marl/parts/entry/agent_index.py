@@ -4,7 +4,7 @@ import numpy as np
 
 from iout_marl.core.state import State
 from iout_marl.parts.base import Context
-from iout_marl.parts.observation.base import Entry, entries
+from iout_marl.parts.entry.base import Entry, entries
 from iout_marl.physics.arrays import Array
 
 

@@ -1,8 +1,8 @@
 """How much energy the nodes have."""
 
-from iout_marl.core.representation import Ranges
+from iout_marl.core.ranges import Ranges
 from iout_marl.core.state import State
-from iout_marl.parts.observation.base import Entry, entries
+from iout_marl.parts.entry.base import Entry, entries
 from iout_marl.physics.arrays import Array
 
 

@@ -1,0 +1,88 @@
+"""Entries of an observation: of what an AUV sees, one after the other."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from iout_marl.core.ranges import Ranges
+from iout_marl.core.state import State
+from iout_marl.parts.base import Part
+from iout_marl.physics.arrays import Array
+from iout_marl.registry import Registry
+from iout_marl.scenario import Scenario
+from iout_marl.whole import short, whole_number
+
+
+class Entry(Part):
+    """One or several numbers of an observation, the same for every AUV or one's own.
+
+    Attributes:
+        unit: of the numbers, where they are not scaled.
+        low, high, scale: the range of the numbers, and what makes them of order one, where
+            `ranges` does not say it of each.
+        feeds_node_network: whether it has one number for each node, of which the network for
+            every node alike (`training.node_network`) is made.
+    """
+
+    unit: ClassVar[str] = ""
+    low: float = 0.0
+    high: float = 1.0
+    scale: float = 1.0
+    feeds_node_network: ClassVar[bool] = False
+
+    @property
+    def size(self) -> int:
+        """How many numbers, once it is set up."""
+        return 1
+
+    def ranges(self) -> Ranges:
+        """The ranges of the numbers, (size,) each, once it is set up."""
+        return Ranges.alike(self.size, self.low, self.high, self.scale)
+
+    def check_stated(self, scenario: Scenario) -> None:  # noqa: ARG002
+        if not isinstance(self.unit, str):
+            raise self.fault(f"unit must be a text, not {short(self.unit)}")
+
+    def checked_ranges(self) -> Ranges:
+        """What `ranges` gives, after a look at it.
+
+        Raises:
+            InputError: it does not go with `size`, or with itself.
+        """
+        try:
+            size = whole_number(self.size, 1)
+        except ValueError as error:
+            raise self.fault(f"size {error}") from None
+        if self.feeds_node_network and size != self.world.scenario.num_nodes:
+            raise self.fault(f"feeds_node_network: size must be one for each node, not {size}")
+        ranges = self.ranges()
+        for name in ("low", "high", "scale"):
+            shape = np.shape(getattr(ranges, name))
+            if shape != (size,):
+                raise self.fault(
+                    f"ranges().{name} must have shape {(size,)}, as size says, not {shape}"
+                )
+            if not np.isfinite(getattr(ranges, name)).all():
+                raise self.fault(f"ranges().{name} must be finite")
+        if not (ranges.low <= ranges.high).all():
+            raise self.fault("low must not exceed high")
+        if not (ranges.scale > 0).all():
+            raise self.fault("scale must be above 0")
+        return ranges
+
+    def for_every_auv(self, values: Array) -> Array:
+        """(envs, size) as (envs, auvs, size)."""
+        num_auvs = self.world.scenario.num_auvs
+        if num_auvs == 1:
+            return values[:, None, :]
+        shape = (values.shape[0], num_auvs, values.shape[1])
+        return self.xp.broadcast_to(values[:, None, :], shape)
+
+    def __call__(self, state: State) -> Array:
+        """The numbers, (envs, auvs, size); (envs, 1, size) is for all AUVs alike."""
+        raise NotImplementedError
+
+
+entries: Registry[type[Entry]] = Registry("observation entry", Entry)
