@@ -94,7 +94,7 @@ def worlds(pairs, *teams):
     """Pairs of scenarios in frequency and in time division, where the part is for both."""
     found = []
     for team in teams or (TEAM, ALONE):
-        for name in ("paper/k5-fdd", "best/k5-tdd"):
+        for name in ("paper/k5-fdd", "paper/k5-tdd", "best/k5-tdd"):
             try:
                 found.append(pairs(name, SMALL | team)[1])
             except InputError:
