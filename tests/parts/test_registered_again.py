@@ -47,6 +47,12 @@ KEYS = {
     "placement": "nodes",
     "reward": "reward",
 }
+#: The worlds, with penalties in time division that are none of frequency division.
+PENALTIES = {
+    "paper/k5-fdd": {},
+    "paper/k5-tdd": {"reward.only_charging_penalty": 3.0},
+    "best/k5-tdd": {},
+}
 #: A short training, for a look at what it makes of a part.
 TRAINING = {
     "training.environments": 4,
@@ -76,8 +82,8 @@ def pairs(request):
         for each in (kind, AGAIN + kind):
             data = {"kind": each, **SETTINGS.get((role, kind), {})}
             named = {KEYS[role]: [data] if role == "observation entry" else data}
-            # Of a placement the cells of another are no keys.
-            rest = {k: v for k, v in changes.items() if not (role == "placement" and "nodes." in k)}
+            # The keys of another kind are none of this one's.
+            rest = {k: v for k, v in changes.items() if not k.startswith(f"{KEYS[role]}.")}
             both.append({**rest, **OVERRIDES.get((role, kind), {}), **named})
         return both, [load_scenario(name, overrides) for overrides in both]
 
@@ -94,9 +100,9 @@ def worlds(pairs, *teams):
     """Pairs of scenarios in frequency and in time division, where the part is for both."""
     found = []
     for team in teams or (TEAM, ALONE):
-        for name in ("paper/k5-fdd", "best/k5-tdd"):
+        for name in PENALTIES:
             try:
-                found.append(pairs(name, SMALL | team)[1])
+                found.append(pairs(name, SMALL | team | PENALTIES[name])[1])
             except InputError:
                 continue  # a rule for β is for time division, other AUVs for teams
     assert found
