@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -43,11 +44,13 @@ class Notebook:
         """Eq. `state space` of this AUV, and what the scenario appends to it."""
         oracle, settings = self.oracle, self.oracle.scenario.observation
         own, limited = oracle.auv_cells[self.auv], settings.view_range_m is not None
-        seen = [*own]
-        seen += self.seen_age if limited else oracle.age
-        seen += self.seen_energy_j if limited else oracle.energy_j
+        seen = self._position(own)
+        seen += [self._age(age) for age in (self.seen_age if limited else oracle.age)]
+        energies_j = self.seen_energy_j if limited else oracle.energy_j
+        seen += [self._energy(energy_j) for energy_j in energies_j]
         if settings.node_positions:
-            seen += [coordinate for cell in oracle.node_cells for coordinate in cell]
+            for cell in oracle.node_cells:
+                seen += self._position(cell)
         if settings.time:
             seen.append(oracle.slot / oracle.scenario.num_slots)
         if settings.other_auvs:
@@ -58,12 +61,40 @@ class Notebook:
                     steps.append(tuple(theirs - mine for theirs, mine in pairs))
             # Of equally near ones the first in x, y and z.
             for step in sorted(steps, key=lambda s: (sum(c * c for c in s), s)):
-                seen += step
+                seen += self._step(step)
         if limited:
-            seen += [oracle.slot - slot for slot in self.seen_slot]
+            whole = oracle.scenario.num_slots if self._is_scaled else 1
+            seen += [(oracle.slot - slot) / whole for slot in self.seen_slot]
         if settings.agent_index:
             seen += [float(other == self.auv) for other in oracle.auvs]
         return seen
+
+    @property
+    def _is_scaled(self) -> bool:
+        return self.oracle.scenario.observation.kind == "scaled"
+
+    def _position(self, cell: tuple[int, int, int]) -> list[float]:
+        if not self._is_scaled:
+            return [*cell]
+        return self._step([coordinate - 1 for coordinate in cell])
+
+    def _step(self, step: Sequence[int]) -> list[float]:
+        if not self._is_scaled:
+            return [*step]
+        cells = self.oracle.scenario.grid.cells
+        return [far / max(size - 1, 1) for far, size in zip(step, cells, strict=True)]
+
+    def _age(self, age: float) -> float:
+        return age / self.oracle.scenario.age.maximum if self._is_scaled else age
+
+    def _energy(self, energy_j: float) -> float:
+        """Beside that of an uplink over half the grid."""
+        if not self._is_scaled:
+            return energy_j
+        grid = self.oracle.scenario.grid
+        half_m = grid.spacing_m * math.sqrt(sum(size**2 for size in grid.cells)) / 2
+        uplink_j = self.oracle.sound.required_j(half_m, self.oracle.scenario.slot_s)
+        return energy_j / (energy_j + uplink_j)
 
     def jain_without(self) -> float:
         squares = math.fsum(n**2 for n in self.deliveries_without)

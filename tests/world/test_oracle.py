@@ -178,6 +178,16 @@ CASES = {
             **THREE_AUVS,
         },
     ),
+    "all-that-can-be-seen-scaled": Case(
+        "paper/k5-fdd",
+        FDD | SHARED,
+        {
+            "observation.kind": "scaled",
+            "observation.node_positions": True,
+            "observation.view_range_m": 300,
+            **THREE_AUVS,
+        },
+    ),
     "others-out-of-mind": Case(
         "paper/k3-tdd", TDD | SHARED, {"observation.other_auvs": False, **TWO_AUVS}
     ),
