@@ -229,7 +229,8 @@ def _report(
     for note in _notes(outcome, scenario, settings):
         present(note)
     folder = shlex.quote(str(run))
-    done = "trained before" if outcome.was_complete else f"trained for {outcome.seconds:.0f} s"
+    took = f"{outcome.seconds:.1f}" if outcome.seconds < 10 else f"{outcome.seconds:.0f}"
+    done = "trained before" if outcome.was_complete else f"trained for {took} s"
     present(f"{done}; the run is in {folder} (curves: tensorboard --logdir {folder})")
 
 
