@@ -71,7 +71,7 @@ def test_steps_are_rounded_up_to_whole_rollouts(tiny, tmp_path, steps, trained):
 )
 def test_study_names_no_folder_that_is_gone(tiny, changes, expected):
     scenario = with_training(tiny(), **changes)
-    cell = SimpleNamespace(scenario=scenario, seed=0, episodes=1, trains=True)
+    cell = SimpleNamespace(scenario=scenario, seed=0, episodes=1, trains=True, imports=())
     with pytest.raises(InputError) as raised:
         run_cell(cell, 0.0)
     message = str(raised.value)
