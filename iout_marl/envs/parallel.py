@@ -129,7 +129,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
             begun = self._episodes.has_begun
             is_over = "is over" if begun else "has not begun"
             raise RuntimeError(f"the episode {is_over}: call reset() first")
-        if not isinstance(actions, dict | Mapping):
+        if type(actions) is not dict and not isinstance(actions, Mapping):
             raise InputError(f"actions must be a mapping by agent, not {short(actions)}")
         missing = [a for a in agents if a not in actions]
         if missing:
@@ -178,13 +178,12 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
     def _infos(self) -> dict[str, Info]:
         #: A number for all agents, or one for each of them in a list.
         values = {name: value.tolist()[0] for name, value in self._episodes.info().items()}
-        infos: dict[str, Info] = {
-            agent: {
-                name: float(value[i]) if isinstance(value, list) else value
-                for name, value in values.items()
-            }
-            for i, agent in enumerate(self.agents)
-        }
+        own = {name: value for name, value in values.items() if isinstance(value, list)}
+        infos: dict[str, Info] = {}
+        for i, agent in enumerate(self.agents):
+            infos[agent] = info = dict(values)
+            for name, value in own.items():
+                info[name] = float(value[i])
         if self._episodes.mask_place == "info":
             for agent, mask in zip(self.agents, self._episodes.masks()[0], strict=True):
                 infos[agent]["action_mask"] = mask

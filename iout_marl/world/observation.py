@@ -38,6 +38,7 @@ class Observer:
         self.entries: tuple[Entry, ...] = tuple(
             at_work(settings, context) for settings in scenario.seen
         )
+        self._is_from_outside = any(entry.settings.entry.is_outside for entry in self.entries)
         self.agent_ranges = Ranges.joined([_ranges(entry) for entry in self.entries])
         ends = list(itertools.accumulate(entry.size for entry in self.entries))
         self.node_entries = tuple(
@@ -60,7 +61,9 @@ class Observer:
     def observe(self, state: State) -> Array:
         """Observations of every AUV: (envs, auvs, entries)."""
         xp = self._xp
-        parts = [self._of_all_auvs(entry(state)) for entry in self.entries]
+        parts = [entry(state) for entry in self.entries]
+        if self._is_from_outside:
+            parts = [self._of_all_auvs(part) for part in parts]
         # Each entry of all environments in a row, as they come.
         return turned(xp, xp.concat([turned(xp, part) for part in parts], axis=0))
 
