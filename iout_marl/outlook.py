@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from iout_marl.arrays.backend import Backend
 from iout_marl.core.grid import Grid
-from iout_marl.core.link import Link
+from iout_marl.core.link import Link, SlotEnergies
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario
 
@@ -44,7 +44,8 @@ def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> 
     poorest, richest, dearest = harvest_j.min(), harvest_j.max(), uplink_j.max()
     slots = scenario.num_slots
     bounds = f"a slot harvests {_joules(poorest)} to {_joules(richest)}"
-    if scenario.duplex.part.energy_never_binds(link, offsets, scenario.num_slots):
+    energies = SlotEnergies(link, offsets, poorest, dearest, slots)
+    if scenario.duplex.part.energy_never_binds(energies):
         disturbed = scenario.num_auvs > 1 and scenario.channel.part.access.uplinks_disturb
         when = "bind only where uplinks disturb one another" if disturbed else "never bind"
         uplink = f"the dearest uplink takes {_joules(dearest)}" + " alone" * disturbed

@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
 from iout_marl.arrays.backend import Backend
 from iout_marl.core.budget import LinkBudget
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import DEAREST_J, FARTHEST_M, bounded, check_link, unheard
 from iout_marl.physics.arrays import Array, lookup
 from iout_marl.scenario import Scenario
+
+
+class SlotEnergies(NamedTuple):
+    """What a slot brings and takes, at the extremes of the links that a scenario has."""
+
+    link: Link
+    offsets: npt.NDArray[np.int64]  # those that an AUV and a node can have
+    poorest_j: float  # the least that a node harvests in a slot of nothing but charging
+    dearest_j: float  # the most that an uplink over a whole slot takes, alone in the band
+    num_slots: int  # slots of an episode
 
 
 class Link:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.core.levels import EnergyLevels, Tables
-from iout_marl.core.link import Link
+from iout_marl.core.link import SlotEnergies
 from iout_marl.core.split import Split
 from iout_marl.core.whole_levels import WholeLevels
 from iout_marl.parts.base import Context, Part
@@ -50,13 +50,7 @@ class BetaRule(Part):
         """Split the slot, as `Duplex.split`."""
         raise NotImplementedError
 
-    def energy_never_binds(
-        self,
-        link: Link,  # noqa: ARG002
-        offsets: Integers,  # noqa: ARG002
-        num_slots: int,  # noqa: ARG002
-        bounds: Any,  # noqa: ARG002
-    ) -> bool:
+    def energy_never_binds(self, energies: SlotEnergies, bounds: Any) -> bool:  # noqa: ARG002
         """As `Duplex.energy_never_binds`, within the bounds of the duplex part's settings."""
         return False
 

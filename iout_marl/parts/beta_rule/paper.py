@@ -9,11 +9,11 @@ import numpy as np
 from iout_marl import physics
 from iout_marl.core.levels import EnergyLevels, Tables
 from iout_marl.core.limits import DEAREST_J, bounded, unheard
-from iout_marl.core.link import Link
+from iout_marl.core.link import SlotEnergies
 from iout_marl.core.split import Split
 from iout_marl.core.whole_levels import WholeLevels
 from iout_marl.parts.base import Context
-from iout_marl.parts.beta_rule.base import BetaRule, Floats, Integers, beta_rules
+from iout_marl.parts.beta_rule.base import BetaRule, Floats, beta_rules
 from iout_marl.physics.arrays import Array
 
 
@@ -51,18 +51,10 @@ class PaperRule(BetaRule):
             required_j=xp.where(only_sends, slot_uplink_j, star_uplink_j),
         )
 
-    def energy_never_binds(
-        self,
-        link: Link,
-        offsets: Integers,
-        num_slots: int,
-        bounds: Any,  # noqa: ARG002
-    ) -> bool:
+    def energy_never_binds(self, energies: SlotEnergies, bounds: Any) -> bool:  # noqa: ARG002
         # A slot is left to one of the two where the least β harvests more than enough: the
         # harvest of one slot must pay for an uplink in all of them.
-        harvest_j = np.nan_to_num(link.harvested_w[offsets] * link.slot_s)
-        uplink_j = np.nan_to_num(link.slot_uplink_j[offsets], nan=np.inf)
-        return bool(harvest_j.min() > uplink_j.max() * num_slots)
+        return bool(energies.poorest_j > energies.dearest_j * energies.num_slots)
 
     def search_tables(
         self,

@@ -9,11 +9,11 @@ import numpy as np
 from iout_marl import physics
 from iout_marl.core.levels import EnergyLevels, Tables
 from iout_marl.core.limits import unheard_on_numpy
-from iout_marl.core.link import Link
+from iout_marl.core.link import SlotEnergies
 from iout_marl.core.split import Split
 from iout_marl.core.whole_levels import WholeLevels
 from iout_marl.parts.base import Context
-from iout_marl.parts.beta_rule.base import BetaRule, Floats, Integers, beta_rules
+from iout_marl.parts.beta_rule.base import BetaRule, Floats, beta_rules
 from iout_marl.physics.arrays import Array
 
 
@@ -48,17 +48,11 @@ class StoredRule(BetaRule):
             required_j=self._required_j(power_per_snr_w, beta),
         )
 
-    def energy_never_binds(
-        self,
-        link: Link,
-        offsets: Integers,
-        num_slots: int,  # noqa: ARG002
-        bounds: Any,
-    ) -> bool:
-        harvest_j = np.nan_to_num(link.harvested_w[offsets] * link.slot_s)
+    def energy_never_binds(self, energies: SlotEnergies, bounds: Any) -> bool:
+        link, offsets = energies.link, energies.offsets
         uplink_s = (1 - bounds.beta_min) * link.slot_s
         required_j = link.budget.required_energy_j(link.power_per_snr_w[offsets], uplink_s)
-        return bool(harvest_j.min() * bounds.beta_min > required_j.max())
+        return bool(energies.poorest_j * bounds.beta_min > required_j.max())
 
     def search_tables(
         self,

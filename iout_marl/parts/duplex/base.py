@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.core.levels import EnergyLevels, Tables
-from iout_marl.core.link import Link
+from iout_marl.core.link import SlotEnergies
 from iout_marl.core.split import Split
 from iout_marl.core.whole_levels import WholeLevels
 from iout_marl.parts.base import Part
@@ -98,14 +98,8 @@ class Duplex(Part):
         """
         raise NotImplementedError
 
-    def energy_never_binds(self, link: Link, offsets: Integers, num_slots: int) -> bool:  # noqa: ARG002
-        """Whether the harvest of any slot surely pays for any uplink, whatever an AUV does.
-
-        Args:
-            link: the links.
-            offsets: those that an AUV and a node can have.
-            num_slots: slots of an episode.
-        """
+    def energy_never_binds(self, energies: SlotEnergies) -> bool:  # noqa: ARG002
+        """Whether the harvest of any slot surely pays for any uplink, whatever an AUV does."""
         return False
 
     def search_tables(self, levels: EnergyLevels, offset: Any) -> Tables:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from iout_marl.core.levels import BEYOND_J, EnergyLevels, Tables
-from iout_marl.core.link import Link
+from iout_marl.core.link import SlotEnergies
 from iout_marl.core.split import Split
 from iout_marl.core.whole_levels import WholeLevels
 from iout_marl.parts.base import Context
@@ -61,10 +61,8 @@ class FrequencyDivision(Duplex):
     def sends(self, split: Split, payable_j: Array) -> Array:
         return payable_j > split.required_j
 
-    def energy_never_binds(self, link: Link, offsets: Integers, num_slots: int) -> bool:  # noqa: ARG002
-        harvest_j = np.nan_to_num(link.harvested_w[offsets] * link.slot_s)
-        uplink_j = np.nan_to_num(link.slot_uplink_j[offsets], nan=np.inf)
-        return bool(harvest_j.min() > uplink_j.max())
+    def energy_never_binds(self, energies: SlotEnergies) -> bool:
+        return bool(energies.poorest_j > energies.dearest_j)
 
     def search_tables(self, levels: EnergyLevels, offset: Any) -> Tables:
         link = self._link

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from iout_marl.core.levels import BEYOND_J, EnergyLevels, Tables
-from iout_marl.core.link import Link
+from iout_marl.core.link import SlotEnergies
 from iout_marl.core.split import Split
 from iout_marl.core.whole_levels import WholeLevels, highest
 from iout_marl.parts.base import Context, at_work
@@ -93,8 +93,8 @@ class TimeDivision(Duplex):
         # The rule for β has seen to it that the uplink is paid wherever there is one.
         return split.beta < 1
 
-    def energy_never_binds(self, link: Link, offsets: Integers, num_slots: int) -> bool:
-        return self.rule.energy_never_binds(link, offsets, num_slots, self.settings)
+    def energy_never_binds(self, energies: SlotEnergies) -> bool:
+        return self.rule.energy_never_binds(energies, self.settings)
 
     def search_tables(self, levels: EnergyLevels, offset: Any) -> Tables:
         link = self._link

@@ -8,7 +8,7 @@ import numpy as np
 
 from iout_marl.core.ranges import Ranges
 from iout_marl.core.state import State
-from iout_marl.parts.base import Part
+from iout_marl.parts.base import Context, Part
 from iout_marl.physics.arrays import Array
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
@@ -72,12 +72,15 @@ class Entry(Part):
             raise self.fault("scale must be above 0")
         return ranges
 
+    def setup(self, world: Context) -> None:
+        super().setup(world)
+        self._num_auvs = world.scenario.num_auvs
+
     def for_every_auv(self, values: Array) -> Array:
         """(envs, size) as (envs, auvs, size)."""
-        num_auvs = self.world.scenario.num_auvs
-        if num_auvs == 1:
+        if self._num_auvs == 1:
             return values[:, None, :]
-        shape = (values.shape[0], num_auvs, values.shape[1])
+        shape = (values.shape[0], self._num_auvs, values.shape[1])
         return self.xp.broadcast_to(values[:, None, :], shape)
 
     def __call__(self, state: State) -> Array:
