@@ -15,6 +15,7 @@ from iout_marl import World, load_scenario, metrics
 from iout_marl.registry import Entry, registry_of
 from iout_marl.report.markup import markdown_text
 from iout_marl.scenario import Scenario
+from iout_marl.scenario.families import Matrix
 from iout_marl.scenario.keys import Model
 from iout_marl.scenario.reference import Key, keys, keys_of_kind, text_of
 
@@ -55,6 +56,7 @@ def scenario_reference() -> str:
     """Every section with its keys, and every role of parts with its kinds and their keys."""
     top = [key for key in keys(Scenario) if not key.sections]
     blocks = ["## At the top of a file", _keys_table(top)]
+    blocks += ["## `matrix`", *_paragraphs(text_of(Matrix)), _keys_table(keys(Matrix))]
     for key in keys(Scenario):
         for section in key.sections:
             blocks += [f"## `{key.name}`", *_paragraphs(text_of(section))]

@@ -71,7 +71,9 @@ POLICY = "NAME|RUN|MODULE:NAME"
 ScenarioArgument = Annotated[
     str,
     typer.Argument(
-        metavar="SCENARIO", parser=expanded, help="A bundled name, or a path to a YAML file."
+        metavar="SCENARIO",
+        parser=expanded,
+        help="A bundled name, or a path to a YAML file; of a family, FILE.yaml/MEMBER.",
     ),
 ]
 JsonFile = Annotated[

@@ -8,6 +8,7 @@ import pytest
 
 from iout_marl import load_scenario, metrics
 from iout_marl.registry import registries
+from iout_marl.scenario import member_names
 from iout_marl.scenario.yaml_values import read_yaml
 
 ROOT = Path(__file__).parents[1]
@@ -15,6 +16,7 @@ SPEC = importlib.util.spec_from_file_location("tables", ROOT / "docs" / "tables.
 TABLES = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(TABLES)
 PAGE = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 
 
 @pytest.mark.parametrize("name", TABLES.TABLES)
@@ -39,9 +41,19 @@ def test_every_kind_has_a_row(registry):
 
 
 def test_the_example_can_be_loaded():
-    (text,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    text, _ = EXAMPLES
     scenario = load_scenario(read_yaml(text, "example")[0])
     assert (scenario.num_nodes, scenario.auvs.motion.kind) == (12, "hover")
+
+
+def test_the_family_can_be_loaded(tmp_path):
+    (tmp_path / "teams.yaml").write_text(EXAMPLES[1], encoding="utf-8")
+    names = member_names(tmp_path / "teams.yaml")
+    scenarios = [load_scenario(name) for name in names]
+    assert [scenario.num_auvs for scenario in scenarios] == [1] * 4 + [2] * 4 + [3] * 2
+    assert "teams/m2-fdd-loud" in {scenario.name for scenario in scenarios}
+    assert scenarios[1].description == "1 AUVs, fdd, loud sea"
+    assert scenarios[0].training.steps == 1_000_000 < scenarios[1].training.steps
 
 
 def test_links_within_the_page_lead_somewhere():

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from iout_marl.registry import registry_of
-from iout_marl.scenario.keys import Model, ranges_of
+from iout_marl.scenario.families import Matrix
+from iout_marl.scenario.keys import Model, all_keys, ranges_of
 from iout_marl.scenario.parts import PartOf
 from iout_marl.scenario.reference import Key, keys, keys_of_kind, text_of
 from iout_marl.scenario.schema import Scenario
@@ -27,13 +28,43 @@ def json_schema() -> dict[str, Any]:
     definitions: dict[str, Any] = {}
     whole = _section(Scenario, definitions)
     whole["properties"]["allow_implausible"]["items"] = {"enum": sorted(ranges_of(Scenario))}
-    whole["properties"] = {"extends": _EXTENDS, **whole["properties"]}
+    whole["properties"] = {"extends": _EXTENDS, "matrix": _matrix(), **whole["properties"]}
     return {
         "$schema": _DIALECT,
         "title": "Scenario of iout_marl",
         **whole,
         "$defs": definitions,
     }
+
+
+def _matrix() -> dict[str, Any]:
+    """What makes a file a family, all of it by dotted keys as well as in sections."""
+    text = {key.name: key.text for key in keys(Matrix)}
+    settings = {"type": "object", "propertyNames": {"enum": sorted(all_keys(Scenario))}}
+    scalar = {"not": {"anyOf": [{"type": "array"}, {"type": "object"}]}}
+    case = {
+        "type": "object",
+        "properties": {"when": {"type": "object"}, "set": settings},
+        "required": ["when", "set"],
+        "additionalProperties": False,
+    }
+    axis = {
+        "anyOf": [
+            {"type": "array", "items": scalar, "minItems": 1},
+            {"type": "object", "additionalProperties": settings, "minProperties": 1},
+        ]
+    }
+    matrix = _section(Matrix, {})
+    matrix["properties"] |= {
+        "axes": {
+            "description": text["axes"],
+            "type": "object",
+            "additionalProperties": axis,
+            "minProperties": 1,
+        },
+        "cases": {"description": text["cases"], "type": "array", "items": case},
+    }
+    return {**matrix, "required": ["axes"]}
 
 
 def _section(model: Model, definitions: dict[str, Any]) -> dict[str, Any]:

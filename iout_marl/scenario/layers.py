@@ -11,28 +11,27 @@ A layer lies over another one: mappings merge key by key, all else replaces. Two
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from iout_marl.errors import InputError
 from iout_marl.files import note_input
 from iout_marl.scenario.places import KeyPath, Places, shorten, show_file, show_path, show_value
-from iout_marl.scenario.plain import plain_mapping, plain_value
-from iout_marl.scenario.sources import find_scenario
+from iout_marl.scenario.plain import plain_value
 from iout_marl.scenario.yaml_values import MAX_BYTES, MAX_DEPTH, read_yaml
 
 __all__ = [
     "KeyPath",
     "Layer",
     "Overrides",
-    "mapping_layer",
     "overrides_layer",
     "parse_file",
-    "pop_bases",
     "read_file",
-    "read_with_bases",
+    "settings_layer",
     "show_file",
     "show_path",
 ]
@@ -41,8 +40,8 @@ __all__ = [
 _COUNTED = {("nodes", "cells"): "count", ("auvs", "start_cells"): "count"}
 #: Of these the count may be larger than the list.
 _CONTINUED = {("auvs", "start_cells")}
-#: Scenarios that one may extend, those that they extend among them.
-MAX_BASES = 50
+#: Files up to this many characters are parsed once, as long as their contents stay the same.
+_MAX_KEPT = 20_000
 
 
 @dataclass
@@ -124,13 +123,21 @@ def read_file(path: Path) -> Layer:
     Raises:
         InputError: the file cannot be read, is not YAML, or is not a mapping.
     """
+    return parse_file(path, read_contents(path))
+
+
+def read_contents(path: Path) -> bytes:
+    """What is in a YAML file; of one that is too large only the beginning.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
     try:
         with path.open("rb") as file:
             note_input(file.fileno())
-            contents = file.read(MAX_BYTES + 1)
+            return file.read(MAX_BYTES + 1)
     except OSError as error:
         raise InputError(f"{show_file(path)}: cannot be read: {error.strerror}") from None
-    return parse_file(path, contents)
 
 
 def parse_file(path: Path, contents: bytes) -> Layer:
@@ -148,86 +155,16 @@ def parse_file(path: Path, contents: bytes) -> Layer:
         is_wide = contents.startswith((b"\xff\xfe", b"\xfe\xff"))
         what = "not UTF-8 text" + (", but UTF-16: save it as UTF-8" if is_wide else "")
         raise InputError(f"{name}: cannot be read: {what}") from None
-    data, places = read_yaml(text, name)
-    places.where = name
+    parse = _parsed_once if len(text) <= _MAX_KEPT else read_yaml
+    data, places = parse(text, name)
     if data is None:
-        return Layer({}, places)
+        data = {}
     if not isinstance(data, dict):
         raise InputError(f"{name}:1: must be a mapping of keys to values")
-    return Layer(data, places)
+    return Layer(copy.deepcopy(data), Places(name, places.inside))
 
 
-def read_with_bases(source: str | Path, beside: Path | None = None) -> Layer:
-    """A scenario's file over all that it extends, the first base at the bottom.
-
-    Raises:
-        InputError: as `read_file`; a base is missing; a scenario extends itself, or too many.
-    """
-    return _Chain().read(find_scenario(source, beside), ())
-
-
-def mapping_layer(source: Mapping[Any, Any]) -> Layer:
-    """A mapping with the keys of a file, over all that it extends.
-
-    Raises:
-        InputError: as `read_with_bases`, or its keys or values are none that a file could hold.
-    """
-    where = "mapping"
-    data = plain_mapping(source, where)
-    merged = _Chain().read_bases(pop_bases(data, where), where, None, ())
-    return Layer(data, Places.throughout(data, where)).over(merged)
-
-
-class _Chain:
-    """Reads scenarios and what they extend, each file once."""
-
-    def __init__(self) -> None:
-        self._read: dict[Path, Layer] = {}
-        self._num_bases = 0
-
-    def read(self, path: Path, below: tuple[Path, ...]) -> Layer:
-        """A file over its bases; `below` are the files that led to it."""
-        resolved = path.resolve()
-        if resolved not in self._read:
-            layer = read_file(path)
-            where = layer.origin(("extends",))
-            bases = pop_bases(layer.data, where)
-            merged = self.read_bases(bases, where, path, (*below, resolved))
-            self._read[resolved] = layer.over(merged)
-        return self._read[resolved]
-
-    def read_bases(
-        self, bases: list[str], where: str, beside: Path | None, below: tuple[Path, ...]
-    ) -> Layer:
-        """Bases by name or path, the first at the bottom."""
-        merged = Layer()
-        for base in bases:
-            self._num_bases += 1
-            if self._num_bases > MAX_BASES:
-                raise InputError(f"{where}: extends: more than {MAX_BASES} scenarios in all")
-            try:
-                path = find_scenario(base, beside)
-            except InputError as error:
-                raise InputError(f"{where}: extends: {error}") from None
-            if path.resolve() in below:
-                circle = " → ".join(shorten(p.stem) for p in (*below, path))
-                raise InputError(f"{where}: extends: a scenario must not extend itself ({circle})")
-            layer = self.read(path, below)
-            _merge(merged.data, layer.data, merged.places, layer.places, ())
-        return merged
-
-
-def pop_bases(data: dict[str, Any], where: str) -> list[str]:
-    """Take `extends` out of a scenario's settings.
-
-    Raises:
-        InputError: it is no name, path or list of them.
-    """
-    bases = data.pop("extends", [])
-    bases = [bases] if isinstance(bases, str) else bases
-    if not isinstance(bases, list) or not all(isinstance(b, str) for b in bases):
-        raise InputError(f"{where}: extends: must be a scenario's name or path, or a list of them")
-    return bases
+_parsed_once = lru_cache(maxsize=64)(read_yaml)
 
 
 def overrides_layer(overrides: Overrides) -> Layer:
@@ -240,10 +177,27 @@ def overrides_layer(overrides: Overrides) -> Layer:
     Raises:
         InputError: an override is not of the form `key=value`, or its value is no YAML.
     """
-    if isinstance(overrides, Layer):
-        return overrides
+    return overrides if isinstance(overrides, Layer) else _layer_of(_pairs(overrides))
+
+
+def settings_layer(settings: Mapping[str, Any], places: Places) -> Layer:
+    """Settings that a file writes as overrides, by dotted keys or in sections, as one layer.
+
+    Args:
+        settings: as overrides in a mapping.
+        places: where each of them was written.
+
+    Raises:
+        InputError: as by `overrides_layer`.
+    """
+    inside = places.inside
+    return _layer_of((key, settings[key], inside[key].where, inside[key]) for key in settings)
+
+
+def _layer_of(settings: Iterable[tuple[str, Any, str, Places]]) -> Layer:
+    """One layer of dotted keys with their values, what each is called, and its places."""
     merged = Layer()
-    for key, value, where, written in _pairs(overrides):
+    for key, value, where, written in settings:
         keys = key.split(".")
         if not all(keys) or len(keys) > MAX_DEPTH:
             raise InputError(f"{where}: the key must be dotted words, such as auvs.count")

@@ -6,31 +6,21 @@ import io
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
-from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from iout_marl.errors import InputError
-from iout_marl.outside import load_entry_points
-from iout_marl.scenario.keys import unknown_keys
-from iout_marl.scenario.layers import (
-    Layer,
-    Overrides,
-    mapping_layer,
-    overrides_layer,
-    parse_file,
-    read_with_bases,
-)
+from iout_marl.scenario.bases import mapping_layer, read_with_bases
+from iout_marl.scenario.layers import Layer, Overrides, overrides_layer, parse_file
+from iout_marl.scenario.naming import find_scenario, name_of, split_member
 from iout_marl.scenario.places import Places, show_value
 from iout_marl.scenario.presets import names_preset, with_preset
-from iout_marl.scenario.problems import describe, describe_unknown
+from iout_marl.scenario.problems import validate
 from iout_marl.scenario.schema import Scenario
-from iout_marl.scenario.sources import bundled_root, find_scenario
 
-Model = TypeVar("Model", bound=BaseModel)
 #: Whatever is taken for a scenario: a bundled name, a path, a mapping, or a `Scenario`.
 AnyScenario: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | Scenario
 
@@ -48,8 +38,9 @@ def load_scenario(
     what they are laid over are two layers of this kind as well.
 
     Args:
-        source: a bundled name (`paper/k10-fdd`), a path to a YAML file, a mapping with
-            the keys of a file, or a `Scenario`, which without overrides comes back as it is.
+        source: a bundled name (`paper/k10-fdd`), a path to a YAML file, or to one with a member
+            of the family in it (`mine.yaml/k10-fdd`), a mapping with the keys of a file, or a
+            `Scenario`, which without overrides comes back as it is.
         overrides: `"auvs.count=3"`, several of them, or `{"auvs.count": 3, …}`, over the
             file. Numbers and arrays of NumPy are taken for plain ones.
         beside: the file in which the overrides were written: a training preset that they
@@ -69,9 +60,10 @@ def load_scenario(
     elif isinstance(source, Mapping):
         layer = mapping_layer(source)
     elif isinstance(source, str | bytes | os.PathLike):
-        path = find_scenario(os.fsdecode(source))
-        layer = read_with_bases(path)
-        layer.data.setdefault("name", _name_of(path))
+        found = find_scenario(os.fsdecode(source))
+        layer = read_with_bases(found)
+        layer.data.setdefault("name", name_of(found))
+        path, _ = split_member(found)
     else:
         raise InputError(
             f"scenario: must be a name, a path, a mapping or a Scenario, not {show_value(source)}"
@@ -88,32 +80,6 @@ def parse_scenario(path: Path, contents: bytes) -> Scenario:
         InputError: as by `load_scenario`.
     """
     return validate(Scenario, with_preset(parse_file(path, contents), path))
-
-
-def _name_of(path: Path) -> str:
-    path = path.resolve()
-    root = bundled_root().resolve()
-    if path.is_relative_to(root):
-        return path.relative_to(root).with_suffix("").as_posix()
-    return path.stem
-
-
-def validate(model: type[Model], layer: Layer) -> Model:
-    """A layer's settings as a checked model.
-
-    Raises:
-        InputError: one line with file, line, key and what was meant.
-    """
-    load_entry_points()
-    unknown = describe_unknown(model, unknown_keys((model,), layer.data), layer)
-    if unknown:
-        raise InputError(unknown)
-    try:
-        return model.model_validate(layer.data)
-    except ValidationError as error:
-        problems = error.errors(include_url=False)
-        more = f" (and {len(problems) - 1:,} more)" if len(problems) > 1 else ""
-        raise InputError(describe(problems[0], layer) + more) from None
 
 
 def to_yaml(scenario: Scenario) -> str:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from iout_marl.errors import did_you_mean
-from iout_marl.scenario.keys import Unknown, all_keys
+from iout_marl.errors import InputError, did_you_mean
+from iout_marl.outside import load_entry_points
+from iout_marl.scenario.keys import Unknown, all_keys, unknown_keys
 from iout_marl.scenario.layers import Layer
 from iout_marl.scenario.places import KeyPath, shorten, show_path, show_value
 
+Model = TypeVar("Model", bound=BaseModel)
 #: Unknown keys that a message describes; of more it gives the number.
 MAX_DESCRIBED = 8
 #: Words of older YAML for booleans, which are none in YAML 1.2.
@@ -23,7 +25,25 @@ _BOOLEANS = {
 }
 
 
-def describe_unknown(model: type[BaseModel], keys: Iterator[Unknown], layer: Layer) -> str:
+def validate(model: type[Model], layer: Layer) -> Model:
+    """A layer's settings as a checked model.
+
+    Raises:
+        InputError: one line with file, line, key and what was meant.
+    """
+    load_entry_points()
+    unknown = _describe_unknown(model, unknown_keys((model,), layer.data), layer)
+    if unknown:
+        raise InputError(unknown)
+    try:
+        return model.model_validate(layer.data)
+    except ValidationError as error:
+        problems = error.errors(include_url=False)
+        more = f" (and {len(problems) - 1:,} more)" if len(problems) > 1 else ""
+        raise InputError(_describe(problems[0], layer) + more) from None
+
+
+def _describe_unknown(model: type[BaseModel], keys: Iterator[Unknown], layer: Layer) -> str:
     """All keys that a file has and its sections have not, in one line; "" if there are none."""
     shown = [
         f"{layer.origin(key.path)}: {show_path(key.path)}: unknown key"
@@ -40,8 +60,8 @@ def _hint(model: type[BaseModel], unknown: Unknown, *, or_list: bool) -> str:
     if unknown.other_kinds:
         kinds = " and ".join(repr(kind) for kind in unknown.other_kinds)
         return f" of kind {unknown.kind!r}: it belongs to kind {kinds}{near}"
-    if key == "extends":
-        return ": extends stands at the top of a file"
+    if key in ("extends", "matrix"):
+        return f": {key} stands at the top of a file"
     if "." in key and key in all_keys(model):
         section, _, rest = key.partition(".")
         return f": in a file it is written {section}: {{{rest.replace('.', ': {')}: …}}"
@@ -70,7 +90,7 @@ def hint_to_key(model: type[BaseModel], key: str) -> str:
     return by_name
 
 
-def describe(problem: ErrorDetails, layer: Layer) -> str:
+def _describe(problem: ErrorDetails, layer: Layer) -> str:
     """One of pydantic's errors: its place, its key, and what must be there."""
     context = problem.get("ctx", {})
     path = (*_without_tags(problem["loc"], layer.data), *context.get("path", ()))

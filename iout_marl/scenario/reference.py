@@ -203,7 +203,12 @@ def _in_words(values: dict[str, Any]) -> str:
         least, most = values.get("minItems", 0), values.get("maxItems")
         many = f" of {_number(least)} to {_number(most)}" if most else ""
         return f"list{many}, each {_in_words(values.get('items', {}))}"
-    return {"boolean": "`true`, `false`", "string": "text", "null": "`null`"}.get(str(kind), "any")
+    return {
+        "boolean": "`true`, `false`",
+        "string": "text",
+        "null": "`null`",
+        "object": "mapping",
+    }.get(str(kind), "any")
 
 
 def _limits_in_words(values: dict[str, Any]) -> str:

@@ -17,10 +17,10 @@ from typing import Any
 
 from iout_marl.errors import InputError
 from iout_marl.outside import brought_in
-from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario import Scenario, find_scenario, load_scenario
 from iout_marl.scenario.layers import Layer, overrides_layer
+from iout_marl.scenario.placeholders import fill_placeholders
 from iout_marl.scenario.presets import names_preset
-from iout_marl.scenario.sources import find_scenario
 from iout_marl.study.fields import LARGEST, LONGEST, show
 from iout_marl.study.schema import BOUND, PLANNER, TRAINED, Group, Quick, Settings, Study
 from iout_marl.world import WORLD_VERSION, draws_layout_once
@@ -236,11 +236,12 @@ def _find(source: str, study_file: Path) -> Path:
     try:
         return find_scenario(source, beside=study_file)
     except InputError as error:
-        for here in (Path(source), Path(f"{source}.yaml")):
-            if os.path.isfile(here):  # noqa: PTH113 (Path raises where a name is too long)
-                way = os.path.relpath(here, study_file.parent)
-                raise InputError(f"{error}; from the study's own folder it is {way!r}") from None
-        raise
+        try:
+            here = find_scenario(source)
+        except InputError:
+            raise error from None
+        way = os.path.relpath(here, study_file.parent)
+        raise InputError(f"{error}; from the study's own folder it is {way!r}") from None
 
 
 def _check_words(where: str, group: str, *texts: str) -> None:
@@ -259,13 +260,7 @@ def _grid(group: Group) -> Iterator[Settings]:
 
 
 def _series(group: Group, where: str, name: str, fields: Mapping[str, Any]) -> str:
-    def fill(match: re.Match[str]) -> str:
-        if match[1] not in fields:
-            known = ", ".join(f"{{{field}}}" for field in fields)
-            raise InputError(f"{where}: groups.{name}.series: unknown {match[0]} (known: {known})")
-        return str(fields[match[1]])
-
-    series = re.sub(r"\{([^{}]*)\}", fill, group.series).strip()
+    series = fill_placeholders(group.series, fields, f"{where}: groups.{name}.series").strip()
     if not series:
         raise InputError(f"{where}: groups.{name}.series: must not be empty")
     return series

@@ -12,7 +12,7 @@ from iout_marl.errors import did_you_mean
 from iout_marl.policies import UNTRAINED, PlannerPolicy
 from iout_marl.scenario.fields import Count, Section, invalid
 from iout_marl.scenario.layers import Layer, read_file
-from iout_marl.scenario.loading import validate
+from iout_marl.scenario.problems import validate
 from iout_marl.scenario.sources import find_study
 from iout_marl.study.fields import Text, Words
 

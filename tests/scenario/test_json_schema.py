@@ -10,17 +10,15 @@ from pydantic import Field
 
 from iout_marl import InputError, bundled_names, load_scenario, parts
 from iout_marl.registry import registries
-from iout_marl.scenario import Scenario, bundled_root, to_yaml
+from iout_marl.scenario import Scenario, bundled_root, find_scenario, member_names, to_yaml
+from iout_marl.scenario.families import Matrix
 from iout_marl.scenario.json_schema import json_schema
+from iout_marl.scenario.naming import split_member
 from iout_marl.scenario.reference import keys, keys_of_kind, text_of
 from iout_marl.scenario.yaml_values import read_yaml
 
 SCHEMA = json_schema()
-FILES = sorted(
-    path
-    for folder in ("paper", "best", "multi", "random")
-    for path in (bundled_root() / folder).glob("*.yaml")
-)
+FILES = sorted([*bundled_root().glob("*.yaml"), *bundled_root().glob("multi/*.yaml")])
 ROLES = [registry for registry in registries() if registry.base and hasattr(registry.base, "check")]
 KINDS = [entry for registry in ROLES for entry in registry]
 #: Keywords that say something about a value; all others describe.
@@ -71,9 +69,14 @@ def fits(value, schema):
             not isinstance(value, dict)
             or all(fits(value[name], inner[name]) for name in inner.keys() & value.keys())
         ),
-        "additionalProperties": lambda allowed: (
-            allowed or not isinstance(value, dict) or set(value) <= set(properties)
+        "additionalProperties": lambda other: (
+            not isinstance(value, dict)
+            or all(other and fits(value[name], other) for name in value.keys() - properties.keys())
         ),
+        "propertyNames": lambda name: (
+            not isinstance(value, dict) or all(fits(n, name) for n in value)
+        ),
+        "minProperties": lambda limit: not isinstance(value, dict) or len(value) >= limit,
     }
     return all(checks[word](said) for word, said in schema.items() if word not in ANNOTATIONS)
 
@@ -95,10 +98,35 @@ def test_whole_scenarios_fit(name):
 
 
 def test_files_are_all_that_is_bundled():
-    stems = {path.relative_to(bundled_root()).with_suffix("").as_posix() for path in FILES}
-    assert set(bundled_names()) <= stems
+    files = {split_member(find_scenario(name))[0] for name in bundled_names()}
+    assert files == set(FILES)
 
 
+AXES = {"nodes.count": [3, 5], "duplex": {"fdd": {}, "tdd": {"duplex.beta_rule": "stored"}}}
+FAMILIES = {
+    "axes": (True, {"axes": AXES}),
+    "all keys": (
+        True,
+        {
+            "name": "k{nodes.count}-{duplex}",
+            "axes": AXES,
+            "without": ["k3-tdd"],
+            "cases": [{"when": {"nodes.count": 3}, "set": {"age": {"maximum": 9}}}],
+        },
+    ),
+    "no mapping": (False, ["a"]),
+    "no axes": (False, {"name": "a"}),
+    "no axis": (False, {"axes": {}}),
+    "no values": (False, {"axes": {"nodes.count": []}}),
+    "no names": (False, {"axes": {"duplex": {}}}),
+    "a value without a name": (False, {"axes": {"grid.cells": [[9, 9, 9]]}}),
+    "one value": (False, {"axes": {"nodes.count": 3}}),
+    "no settings": (False, {"axes": {"duplex": {"fdd": None}}}),
+    "unknown key": (False, {"axes": AXES, "wihtout": []}),
+    "key of settings": (False, {"axes": {"duplex": {"fdd": {"duplex.knd": "fdd"}}}}),
+    "case without settings": (False, {"axes": AXES, "cases": [{"when": {}}]}),
+    "key of a case": (False, {"axes": AXES, "cases": [{"when": {}, "set": {"ag": 1}}]}),
+}
 BASE = {"extends": "paper/k10-tdd"}
 RIGHT = {
     "nothing": {},
@@ -154,6 +182,23 @@ def test_what_cannot_be_loaded_does_not_fit(data):
         load_scenario(BASE | data)
 
 
+@pytest.mark.parametrize(("is_right", "matrix"), FAMILIES.values(), ids=FAMILIES)
+def test_families_fit_if_their_members_can_be_loaded(is_right, matrix, tmp_path):
+    assert fits({"matrix": matrix}, SCHEMA) == is_right
+    path = tmp_path / "mine.yaml"
+    path.write_text(json.dumps(BASE | {"matrix": matrix}))
+
+    def load():
+        for name in member_names(path):
+            load_scenario(name)
+
+    if is_right:
+        load()
+    else:
+        with pytest.raises(InputError, match=r"mine\.yaml:1: "):
+            load()
+
+
 def test_every_key_is_described():
     def undescribed(model, path=""):
         for key in keys(model):
@@ -166,6 +211,7 @@ def test_every_key_is_described():
                 assert key.text.endswith("."), here
 
     undescribed(Scenario)
+    undescribed(Matrix)
 
 
 @pytest.mark.parametrize("entry", KINDS, ids=lambda entry: f"{entry.role}-{entry.kind}")

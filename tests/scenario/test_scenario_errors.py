@@ -75,7 +75,7 @@ FILES = {
     "!!foo a: b": ":1: broken YAML: the tag !!foo has no meaning here",
     "a: {<<: [{b: 1}, 2]}": ":1: broken YAML: only mappings can be merged by <<",
     # Bases.
-    "extends: paper/_base\n": ": duplex: is missing",
+    "extends: paper/_base\n": ":1: extends: no scenario 'paper/_base': ",
     "extends: 3": ":1: extends: must be a scenario's name or path, or a list of them",
     "extends:": ":1: extends: must be a scenario's name or path, or a list of them",
     "extends: {a: b}": ":1: extends: must be a scenario's name or path, or a list of them",
@@ -268,7 +268,7 @@ def test_items_of_lists_have_lines_of_their_own(tmp_path):
 
 
 def test_file_that_clashes_with_a_base_is_told_of_the_base():
-    assert "_base.yaml:12: nodes.cells[1]: cell [8, 5, 2] lies outside the grid of 4 × 10 × 4" in (
+    assert "paper.yaml:25: nodes.cells[1]: cell [8, 5, 2] lies outside the grid of 4 × 10 × 4" in (
         message("paper/k3-fdd", {"grid.cells": [4, 10, 4]})
     )
 

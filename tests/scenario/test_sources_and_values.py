@@ -55,8 +55,8 @@ def test_deleted_working_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()
     assert load_scenario(P).num_nodes == 3
-    with pytest.raises(InputError, match=r"_base\.yaml: duplex: is missing"):
-        load_scenario(bundled_root() / "paper/_base.yaml")
+    with pytest.raises(InputError, match=r"fast\.yaml:2: steps: unknown key"):
+        load_scenario(bundled_root() / "training/fast.yaml")
     with pytest.raises(InputError, match="no scenario 'mine'"):
         load_scenario("mine")
 

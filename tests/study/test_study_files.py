@@ -302,6 +302,25 @@ def test_a_scenario_of_the_working_folder_alone_is_no_scenario_of_the_study(else
         assert str(error.value).endswith("'../here/mine.yaml'")
 
 
+def test_members_of_families_are_looked_for_as_scenarios_are(elsewhere):
+    family = {"extends": "paper/k5-fdd", "matrix": {"axes": {"nodes.count": [2, 4]}}}
+    for path in (elsewhere / "mine.yaml", Path("own.yaml")):
+        path.write_text(json.dumps(family))
+    scenarios = ["mine/2", "mine.yaml/4", "paper/k5-fdd"]
+    groups = {"g": {"scenarios": scenarios, "policies": ["greedy"]}}
+    cells = cells_of(write_study(elsewhere / "s.yaml", groups=groups, quick={}))
+    found = [(cell.scenario.name, cell.axis) for cell in cells]
+    assert found == [("mine/2", 2), ("mine/4", 4), ("paper/k5-fdd", 5)]
+    for name, expected in (
+        ("mine", r"s\.yaml:\d+: groups\.g: .*mine\.yaml: is a family, name one of its scenar"),
+        ("mine/3", r"s\.yaml:\d+: groups\.g: no scenario 'mine/3': .*: no member '3' \(known: 2"),
+        ("own/2", r"own folder it is '\.\./here/own\.yaml/2'$"),
+    ):
+        groups["g"]["scenarios"] = [name]
+        with pytest.raises(InputError, match=expected):
+            cells_of(write_study(elsewhere / "s.yaml", groups=groups, quick={}))
+
+
 def test_a_training_preset_is_looked_for_beside_who_names_it(elsewhere):
     preset = {**load_scenario("paper/k3-fdd").training.model_dump(mode="json"), "steps": 111_000}
     del preset["preset"]

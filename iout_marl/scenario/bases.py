@@ -1,0 +1,95 @@
+"""A scenario over all that it extends: files, members of families, and mappings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from iout_marl.errors import InputError
+from iout_marl.scenario.families import family_of
+from iout_marl.scenario.layers import Layer, read_file
+from iout_marl.scenario.naming import find_scenario, split_member
+from iout_marl.scenario.places import Places, shorten
+from iout_marl.scenario.plain import plain_mapping
+from iout_marl.scenario.sources import without_suffix
+
+#: Scenarios that one may extend, those that they extend among them.
+MAX_BASES = 50
+
+
+def read_with_bases(path: Path) -> Layer:
+    """A scenario that was found, over all that it extends, the first base at the bottom.
+
+    Raises:
+        InputError: as `read_file`; a base is missing; a scenario extends itself, or too many.
+    """
+    return _Chain().read(path, ())
+
+
+def mapping_layer(source: Mapping[Any, Any]) -> Layer:
+    """A mapping with the keys of a file, over all that it extends.
+
+    Raises:
+        InputError: as `read_with_bases`, or its keys or values are none that a file could hold.
+    """
+    where = "mapping"
+    data = plain_mapping(source, where)
+    merged = _Chain().read_bases(pop_bases(data, where), where, None, ())
+    return Layer(data, Places.throughout(data, where)).over(merged)
+
+
+class _Chain:
+    """Reads scenarios and what they extend, each file once."""
+
+    def __init__(self) -> None:
+        self._read: dict[Path, Layer] = {}
+        self._num_bases = 0
+
+    def read(self, path: Path, below: tuple[Path, ...]) -> Layer:
+        """A file, or a member of a family, over its bases; `below` are those that led to it."""
+        resolved = path.resolve()
+        if resolved not in self._read:
+            file, name = split_member(path)
+            layer = read_file(file)
+            family = family_of(layer, file)
+            member = family.member(name) if family else None
+            where = layer.origin(("extends",))
+            bases = pop_bases(layer.data, where)
+            if member:
+                bases = [member.fill(base, where, "extends") for base in bases]
+            merged = self.read_bases(bases, where, file, (*below, resolved))
+            self._read[resolved] = member.over(merged) if member else layer.over(merged)
+        return self._read[resolved]
+
+    def read_bases(
+        self, bases: list[str], where: str, beside: Path | None, below: tuple[Path, ...]
+    ) -> Layer:
+        """Bases by name or path, the first at the bottom."""
+        merged = Layer()
+        for base in bases:
+            self._num_bases += 1
+            if self._num_bases > MAX_BASES:
+                raise InputError(f"{where}: extends: more than {MAX_BASES} scenarios in all")
+            try:
+                path = find_scenario(base, beside)
+            except InputError as error:
+                raise InputError(f"{where}: extends: {error}") from None
+            if path.resolve() in below:
+                circle = " → ".join(shorten(without_suffix(p.name)) for p in (*below, path))
+                raise InputError(f"{where}: extends: a scenario must not extend itself ({circle})")
+            merged = self.read(path, below).over(merged)
+        return merged
+
+
+def pop_bases(data: dict[str, Any], where: str) -> list[str]:
+    """Take `extends` out of a scenario's settings.
+
+    Raises:
+        InputError: it is no name, path or list of them.
+    """
+    bases = data.pop("extends", [])
+    bases = [bases] if isinstance(bases, str) else bases
+    if not isinstance(bases, list) or not all(isinstance(b, str) for b in bases):
+        raise InputError(f"{where}: extends: must be a scenario's name or path, or a list of them")
+    return bases
