@@ -1,4 +1,4 @@
-"""Scenarios: YAML files that say all that changes a result."""
+"""Scenarios: YAML files with every setting that affects results."""
 
 from iout_marl.scenario.layers import Overrides
 from iout_marl.scenario.loading import AnyScenario, load_scenario, parse_scenario, to_yaml

@@ -84,19 +84,24 @@ def parse_scenario(path: Path, contents: bytes) -> Scenario:
 
 def to_yaml(scenario: Scenario) -> str:
     """The whole scenario as YAML that `load_scenario` reads back."""
-    yaml = YAML(typ="rt", pure=True)
-    yaml.width = 100
-    yaml.representer.add_representer(
-        type(None), lambda r, _: r.represent_scalar("tag:yaml.org,2002:null", "null")
-    )
-    stream = io.StringIO()
     data = scenario.model_dump(mode="json")
     # What came later is shown only where it says something.
     if not scenario.allow_implausible:
         del data["allow_implausible"]
     if not scenario.observation.entries:
         del data["observation"]["entries"]
-    yaml.dump(_styled(data), stream)
+    return dump_yaml(data)
+
+
+def dump_yaml(data: Mapping[str, Any]) -> str:
+    """Plain values as YAML that is pleasant to read."""
+    yaml = YAML(typ="rt", pure=True)
+    yaml.width = 100
+    yaml.representer.add_representer(
+        type(None), lambda r, _: r.represent_scalar("tag:yaml.org,2002:null", "null")
+    )
+    stream = io.StringIO()
+    yaml.dump(_styled(dict(data)), stream)
     return stream.getvalue()
 
 

@@ -39,7 +39,7 @@ MAX_CELLS, MAX_SLOTS, MAX_ROLLOUT, MAX_WEIGHTS = 10**6, 10**9, 10**11, 10**10
 
 
 class Scenario(Section):
-    """A scenario, complete: whatever changes a result stands in it."""
+    """A scenario, complete: every setting that affects results."""
 
     #: What the scenario is called; not part of its hash.
     name: Text = "unnamed"
@@ -268,7 +268,7 @@ class Scenario(Section):
 
     @property
     def hash(self) -> str:
-        """12 hexadecimal digits that change with whatever changes a result."""
+        """12 hexadecimal digits that change with every setting that affects results."""
         return self._digest(*(() if self.allow_implausible else ("allow_implausible",)))
 
     @property

@@ -11,7 +11,7 @@ import iout_marl
 from iout_marl import bundled_names, evaluate, load_scenario
 from iout_marl.cli import app
 
-COMMANDS = ["scenarios", "show", "schema", "train", "evaluate"]
+COMMANDS = ["scenarios", "show", "new", "schema", "train", "evaluate"]
 
 
 @pytest.fixture(autouse=True)
