@@ -27,7 +27,7 @@ $(RUNTIME): pyproject.toml constraints.txt
 	# torch first, at its exact version: any range would draw in GPU packages of several GB.
 	$(PIP) torch==2.13.0
 	$(PIP) --constraint constraints.txt hatchling
-	$(PIP) --constraint constraints.txt --no-build-isolation --editable .
+	$(PIP) --constraint constraints.txt --no-build-isolation --editable '.[report]'
 	touch $@
 
 $(TEST): $(RUNTIME)

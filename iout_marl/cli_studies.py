@@ -12,6 +12,7 @@ import typer
 from iout_marl import machine
 from iout_marl.cli_options import Imports, Overrides, expanded, file, folder, take, whole
 from iout_marl.errors import InputError
+from iout_marl.extras import how_to_install, missing, require
 from iout_marl.files import write_text
 from iout_marl.outside import import_words
 from iout_marl.policies import load_policy
@@ -67,6 +68,7 @@ def reproduce(
 
     What is finished stays: the same command goes on with a study that was stopped.
     """
+    require("iout reproduce", "report")
     with imports_uninterrupted():
         from iout_marl.study.cells import expand
         from iout_marl.study.cluster import DaskCluster, LostClusterError
@@ -108,6 +110,8 @@ def reproduce(
         "overrides": list(overrides or []),
         "quick": quick,
     }
+    if scheduler is None and missing("emissions") and any(cell.trains for cell in cells):
+        complain(f"note: no energy of trainings is measured: {how_to_install('emissions')}")
     try:
         with StopSignals(at_once=True) as stop:
             pool = (
@@ -146,6 +150,7 @@ def report(
     ] = None,
 ) -> None:
     """Write the report of a study's results once more: page, Markdown and figures."""
+    require("iout report", "report")
     if not folder.is_dir():
         what = "is a file, not a folder" if folder.exists() else "no such folder"
         raise InputError(f"{folder}: {what}")

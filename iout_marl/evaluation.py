@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import stdtrit
 
 from iout_marl.errors import InputError
 from iout_marl.metrics import BUILTIN
@@ -64,6 +63,8 @@ class Estimate:
             raise ValueError("samples are too large to add up")
         if count == 1:
             return cls(mean, math.nan, math.nan)
+        from scipy.special import stdtrit  # slow to import, and not needed by all
+
         margin = float(stdtrit(count - 1, 0.975) * spread / math.sqrt(count))
         return cls(mean, mean - margin, mean + margin)
 

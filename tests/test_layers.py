@@ -15,6 +15,7 @@ LAYERS = (
     # Nothing of the world.
     (
         "iout_marl.errors",
+        "iout_marl.extras",
         "iout_marl.files",
         "iout_marl.machine",
         "iout_marl.outside",

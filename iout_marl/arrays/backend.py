@@ -7,7 +7,6 @@ from types import ModuleType
 from typing import Any
 
 import array_api_compat
-import array_api_compat.numpy
 import numpy as np
 
 from iout_marl.physics.arrays import Array, turned

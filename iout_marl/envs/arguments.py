@@ -10,6 +10,7 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode
 
 from iout_marl.errors import InputError, did_you_mean
+from iout_marl.extras import require
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
 from iout_marl.whole import short, whole_argument
 
@@ -37,8 +38,10 @@ def render_mode_of(mode: Any) -> str | None:
     """The render mode.
 
     Raises:
-        InputError: it is unknown.
+        InputError: it is unknown, or what it needs is not installed.
     """
+    if isinstance(mode, str) and mode == "rgb_array":
+        require("render_mode='rgb_array'", "report", "matplotlib")
     if mode is None or (isinstance(mode, str) and mode in RENDER_MODES):
         return mode
     raise InputError(f"render_mode must be one of {RENDER_MODES} or None, not {short(mode)}")

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from iout_marl.core.limits import MOST_ENVS
 from iout_marl.envs.arguments import MOST_PROCESSES
 from iout_marl.envs.parallel import AUVParallelEnv
-from iout_marl.errors import InputError
+from iout_marl.extras import require
 from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.whole import whole_argument
 
@@ -39,9 +37,9 @@ def sb3_vec_env(
         InputError: no such scenario, a fault in it, an argument out of its range, or
             Stable-Baselines3 is not installed.
     """
-    # Their import takes seconds that no other face needs to pay.
-    with _stable_baselines3_for("sb3_vec_env"):
-        from iout_marl.envs.sb3_batched import SB3VecEnv
+    require("sb3_vec_env", "sb3")
+    # Its import takes seconds that no other API needs to pay.
+    from iout_marl.envs.sb3_batched import SB3VecEnv
 
     return SB3VecEnv(scenario, num_envs, render_mode, overrides=overrides)
 
@@ -71,25 +69,12 @@ def supersuit_vec_env(
     """
     num_envs = whole_argument("num_envs", num_envs, 1, MOST_ENVS)
     processes = whole_argument("processes", processes, 0, MOST_PROCESSES)
-    with _stable_baselines3_for("supersuit_vec_env"):
-        import supersuit
+    require("supersuit_vec_env", "sb3")
+    import supersuit
 
-        from iout_marl.envs.seeded import SeededVecEnv
+    from iout_marl.envs.seeded import SeededVecEnv
 
     env = AUVParallelEnv(scenario, overrides=overrides)
     vectorised = supersuit.pettingzoo_env_to_vec_env_v1(env)
     copies = supersuit.concat_vec_envs_v1(vectorised, num_envs, num_cpus=processes)
     return SeededVecEnv(copies, len(env.possible_agents), env.episodes.mask_place)
-
-
-@contextlib.contextmanager
-def _stable_baselines3_for(function: str) -> Iterator[None]:
-    """Imports that need Stable-Baselines3; where it is missing, one line says so."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "stable_baselines3":
-            raise
-        raise InputError(
-            f"{function}: Stable-Baselines3 is not installed; pip install 'iout-marl[sb3]'"
-        ) from None

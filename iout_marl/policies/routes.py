@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linear_sum_assignment
 
 #: Rounds of k-means; it settles within a few.
 _ROUNDS = 20
@@ -81,7 +80,7 @@ def shared_out(nodes: Points, starts: Points) -> list[Indices]:
             break
         for i in set(share.tolist()):
             centres[i] = nodes[share == i].mean(axis=0)
-    auvs, shares = linear_sum_assignment(_squared(starts, centres))
+    auvs, shares = _assignment(_squared(starts, centres))
     return [np.flatnonzero(share == shares[auv]) for auv in auvs]
 
 
@@ -91,13 +90,21 @@ def _nearest_in_balance(nodes: Points, centres: Points) -> Indices:
     cost = _squared(nodes, centres)
     if not rest:
         places = np.repeat(np.arange(len(centres)), whole)
-        return places[linear_sum_assignment(cost[:, places])[1]]
+        return places[_assignment(cost[:, places])[1]]
     places = np.repeat(np.arange(len(centres)), whole + 1)
     # Who fills one of the places that stay empty: only the last one of a centre may.
     filler = np.full(len(places), cost.sum() + 1)
     filler[whole :: whole + 1] = 0
     table = np.vstack([cost[:, places], np.tile(filler, (len(centres) - rest, 1))])
-    return places[linear_sum_assignment(table)[1][: len(nodes)]]
+    return places[_assignment(table)[1][: len(nodes)]]
+
+
+def _assignment(cost: npt.NDArray[np.float64]) -> tuple[Indices, Indices]:
+    """Rows and the column of each for which the sum of their costs is least."""
+    from scipy.optimize import linear_sum_assignment  # slow to import, and not needed by all
+
+    rows, columns = linear_sum_assignment(cost)
+    return rows, columns
 
 
 def tour_order(nodes: Points) -> Indices:

@@ -15,6 +15,7 @@ from typing import Any
 
 from iout_marl import machine
 from iout_marl.errors import InputError
+from iout_marl.extras import require
 from iout_marl.study.cells import Cell
 from iout_marl.study.fields import show
 from iout_marl.study.pools import Outcomes
@@ -43,13 +44,10 @@ class DaskCluster:
     """
 
     def __init__(self, address: str) -> None:
-        try:
-            from distributed import Client
-            from distributed.versions import VersionMismatchWarning
-        except ImportError:
-            raise InputError(
-                "--scheduler: Dask is not installed; pip install 'iout-marl[cluster]'"
-            ) from None
+        require("--scheduler", "cluster")
+        from distributed import Client
+        from distributed.versions import VersionMismatchWarning
+
         self._name = f"--scheduler {address}"
         if not re.fullmatch(r"(\w+://)?[^\s/]+:\d+", address):
             raise InputError(f"{self._name}: must be an address such as tcp://127.0.0.1:8786")

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from iout_marl.extras import missing
 from iout_marl.study.records import Emissions
 
 Result = TypeVar("Result")
@@ -52,11 +53,11 @@ def measured(
 @functools.cache
 def _tracker(carbon_g_per_kwh: float) -> Any:
     """The tracker of this process; finding out about the hardware takes it seconds."""
-    logging.getLogger("codecarbon").disabled = True  # it tells of every estimate it makes
-    try:
-        from codecarbon import OfflineEmissionsTracker
-    except ImportError:
+    if missing("emissions"):
         return None
+    logging.getLogger("codecarbon").disabled = True  # it tells of every estimate it makes
+    from codecarbon import OfflineEmissionsTracker
+
     return OfflineEmissionsTracker(
         country_iso_code="USA",  # asked for, but of no effect beside the carbon intensity
         force_carbon_intensity_g_co2e_kwh=carbon_g_per_kwh,
