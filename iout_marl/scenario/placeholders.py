@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from iout_marl.errors import InputError
+from iout_marl.scenario.places import show_value
 
 _PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
 
@@ -43,4 +44,4 @@ def word_of(value: object) -> str:
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
         return str(int(value))
-    return str(value)
+    return show_value(value) if isinstance(value, int) else str(value)

@@ -217,6 +217,7 @@ def run(rng: np.random.Generator, cases: int) -> Tally:
     scenarios = {name: load_scenario(name) for name in names}
     whole = {name: to_yaml(scenario) for name, scenario in scenarios.items()}
     presets = [path.read_text() for path in (bundled_root() / "training").glob("*.yaml")]
+    families = [path.read_text() for path in bundled_root().glob("*.yaml")]
     with TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("error")
         file = Path(folder) / "mutated.yaml"
@@ -224,13 +225,19 @@ def run(rng: np.random.Generator, cases: int) -> Tally:
             name = words.choice(names)
             source: Any = name
             overrides: Any = ()
-            kind = words.choice(["whole", "whole", "small", "preset", "mapping", "overrides"])
+            kind = words.choice(
+                ["whole", "whole", "small", "family", "preset", "mapping", "overrides"]
+            )
             case: Any
             if kind in ("whole", "small"):
                 small = f"extends: {name}\n{_part(words, whole)}"
                 case = mutated_text(words, whole[name] if kind == "whole" else small)
                 file.write_bytes(case)
                 source = file
+            elif kind == "family":
+                case = mutated_text(words, words.choice(families))
+                file.write_bytes(case)
+                source = file / name.partition("/")[2] if words.random() < 0.9 else file
             elif kind == "preset":
                 case = mutated_text(words, words.choice(presets))
                 file.write_bytes(case)

@@ -127,6 +127,7 @@ def test_values_of_any_scalar_have_names(mine):
     names = ["x0.5", "x0.001", "x10", "x-2", "xnull", "xtrue", "xword"]
     assert member_names("mine") == [f"mine/{name}" for name in names]
     assert (word_of(1e300), word_of(False)) == ("1e+300", "false")
+    assert word_of(16**5000) == "a number of too many digits"
 
 
 def test_a_kind_changes_as_in_any_layer(mine):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from iout_marl import InputError, Scenario, load_scenario
-from iout_marl.scenario import show_file, to_yaml
+from iout_marl.scenario import member_names, show_file, to_yaml
 
 WHOLE = load_scenario("best/k3-tdd").model_dump(mode="json")
 QUICK = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
@@ -92,6 +92,37 @@ def test_any_value_in_a_file(tmp_path, path, value):
         YAML(typ="safe", pure=True).dump({"extends": "paper/k3-fdd", **value}, written)
     file = tmp_path / "fuzz.yaml"
     file.write_text(written.getvalue(), encoding="utf-8", errors="replace")
+    holds_or_is_refused(file)
+
+
+axes = st.dictionaries(
+    st.sampled_from(["nodes.count", "age.maximum", "duplex", "a", "extends", ""]),
+    st.lists(scalars, max_size=3)
+    | st.dictionaries(st.text(max_size=3), st.dictionaries(keys, trees, max_size=2), max_size=3)
+    | trees,
+    max_size=3,
+)
+matrices = st.fixed_dictionaries(
+    {"axes": axes},
+    optional={
+        "name": st.sampled_from(["{a}", "k{nodes.count}", "{duplex}-{age.maximum}", "{"]) | scalars,
+        "without": st.lists(st.text(max_size=3), max_size=2) | trees,
+        "cases": st.lists(st.fixed_dictionaries({"when": trees, "set": trees}), max_size=2) | trees,
+    },
+)
+
+
+@QUICK
+@given(matrices | trees)
+def test_any_matrix(tmp_path, matrix):
+    written = io.StringIO()
+    with suppress(Exception):  # what YAML cannot write
+        YAML(typ="safe", pure=True).dump({"extends": "paper/k3-fdd", "matrix": matrix}, written)
+    file = tmp_path / "fuzz.yaml"
+    file.write_text(written.getvalue(), encoding="utf-8", errors="replace")
+    with suppress(InputError):
+        for name in member_names(file)[:3]:
+            holds_or_is_refused(name)
     holds_or_is_refused(file)
 
 
