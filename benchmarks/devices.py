@@ -25,7 +25,7 @@ import torch
 from iout_marl.scenario import load_scenario
 from iout_marl.world import State, World, node_codes
 from trainers import Trainer
-from trainers.graphs import GRAPHS, Graph, Recorded, write_over
+from trainers.accel.graphs import GRAPHS, CapturedFunction, Graph, write_over
 
 SCENARIO = "paper/k10-fdd"
 
@@ -71,7 +71,7 @@ def in_place(
         write_over(state, after)
         return reward, observation
 
-    recorded = Recorded(play, graph)
+    recorded = CapturedFunction(play, graph)
     return lambda _, action: (state, *recorded(action))
 
 

@@ -22,9 +22,9 @@ from torch.profiler import profile
 
 from iout_marl.scenario import load_scenario
 from trainers import Trainer
-from trainers.adam import Adam, clipped
-from trainers.functions import policy_loss
 from trainers.networks import ActorCritic, perceptron, uniform_noise
+from trainers.ops import policy_loss
+from trainers.optimizers import Adam, clip_gradient
 
 SAMPLES, ENVS, ENTRIES = 3200, 256, 23
 SIZES, CLIP, COEFFICIENT = (6, 10, 10), 0.2, 0.003
@@ -40,8 +40,8 @@ def shares(trainer: Trainer, iterations: int = 20) -> dict[str, float]:
 def plain_step(network: ActorCritic, batch: dict[str, Tensor]) -> Tensor:
     """The loss of a learning step as one writes it for autograd."""
     layers = nn.Sequential(*network.actor), nn.Sequential(*network.critic)
-    scores = layers[0](batch["inputs"]).unflatten(-1, (len(SIZES), -1)) + network.padding
-    log_p = scores.log_softmax(-1)
+    logits = layers[0](batch["inputs"]).unflatten(-1, (len(SIZES), -1)) + network.padding
+    log_p = logits.log_softmax(-1)
     now = log_p.gather(-1, batch["action"][..., None]).squeeze(-1).sum(-1)
     ratio = (now - batch["log_probability"]).exp()
     surrogate = torch.minimum(
@@ -55,7 +55,7 @@ def plain_step(network: ActorCritic, batch: dict[str, Tensor]) -> Tensor:
 def our_step(network: ActorCritic, batch: dict[str, Tensor]) -> Tensor:
     """The same with gradients by hand."""
     of_policy = policy_loss(
-        network.scores(batch["inputs"]),
+        network.logits(batch["inputs"]),
         batch["action"],
         batch["log_probability"],
         batch["advantage"],
@@ -73,7 +73,7 @@ def losses(network: ActorCritic) -> dict[str, Callable[[], object]]:
     inputs = torch.randn(SAMPLES, ENTRIES, generator=generator)
     with torch.no_grad():
         action, log_p = network.sample(
-            network.scores(inputs), uniform_noise((SAMPLES, len(SIZES)), generator)
+            network.logits(inputs), uniform_noise((SAMPLES, len(SIZES)), generator)
         )
     batch = {
         "inputs": inputs,
@@ -111,7 +111,7 @@ def optimizers(network: ActorCritic) -> dict[str, Callable[[], object]]:
     def ours() -> None:
         for parameter, gradient in zip(parameters, gradients, strict=True):
             parameter.grad = gradient
-        row, _ = clipped(adam.gradient(), 0.5)
+        row, _ = clip_gradient(adam.gradient(), 0.5)
         adam.step(row, 1e-9)
 
     return {"torch.optim, foreach": theirs, "one row": ours}
@@ -127,14 +127,14 @@ def products() -> dict[str, Callable[[], object]]:
 def choices() -> dict[str, Callable[[], object]]:
     """Drawing the actions of a slot, noise included."""
     generator = torch.Generator().manual_seed(0)
-    scores = torch.randn(len(SIZES), max(SIZES), ENVS).movedim(-1, 0)
+    logits = torch.randn(len(SIZES), max(SIZES), ENVS).movedim(-1, 0)
 
     def gumbel() -> Tensor:
-        noise = -(-torch.rand(scores.shape, generator=generator).clamp_min(1e-38).log()).log()
-        return (scores + noise).argmax(-1)
+        noise = -(-torch.rand(logits.shape, generator=generator).clamp_min(1e-38).log()).log()
+        return (logits + noise).argmax(-1)
 
     def inversion() -> Tensor:
-        return ActorCritic.sample(scores, uniform_noise((ENVS, len(SIZES)), generator))[0]
+        return ActorCritic.sample(logits, uniform_noise((ENVS, len(SIZES)), generator))[0]
 
     return {"Gumbel": gumbel, "inversion": inversion}
 

@@ -22,7 +22,7 @@ from iout_marl.world import World
 if TYPE_CHECKING:
     from iout_marl.bounds.bound import bound
     from trainers.ppo import Trainer
-    from trainers.train import train
+    from trainers.training import train
 
 __version__ = "0.1.0"
 

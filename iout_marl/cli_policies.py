@@ -29,7 +29,7 @@ def keep_inputs(target: Path | None, policies: list[str]) -> None:
     place = target.resolve()
     for folder in policies:
         if is_run(folder) and place.parent == Path(folder).resolve():
-            from trainers.run_folder import is_of_a_run
+            from trainers.runs.folder import is_of_a_run
 
             if is_of_a_run(place.name):
                 raise InputError(f"{target}: cannot be written: it is a file of the run {folder}")
@@ -52,7 +52,7 @@ def evaluate_named(
     Args:
         scenario, episodes, seed: as for `evaluate`.
         names: what `load_policy` takes.
-        transfer: as for `trainers.loading.load_run`.
+        transfer: as for `trainers.runs.loading.load_run`.
 
     Raises:
         InputError: there is no such policy, or a run does not fit the scenario.

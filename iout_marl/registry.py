@@ -64,15 +64,31 @@ class Entry(Generic[Item]):
         Raises:
             InputError: in its place.
         """
-        try:
+        if not self.is_outside:
             yield
-        except (InputError, MemoryError):
-            raise
-        except Exception as error:
-            if not self.is_outside:
-                raise
-            where = _place_in(self.item, error)
-            raise self.fault(f"raises {type(error).__name__}: {error}{where}") from error
+            return
+        with blamed(f"{self.role} {self.kind!r}", self.item):
+            yield
+
+
+@contextmanager
+def blamed(name: str, item: Any) -> Iterator[None]:
+    """Says of what an item from outside raises meanwhile that it has, and where.
+
+    Args:
+        name: what to call it.
+        item: the class or the function.
+
+    Raises:
+        InputError: in place of other errors.
+    """
+    try:
+        yield
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:
+        where = _place_in(item, error)
+        raise InputError(f"{name}: raises {type(error).__name__}: {error}{where}") from error
 
 
 def _place_in(item: Any, error: BaseException) -> str:

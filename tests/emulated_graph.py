@@ -54,7 +54,7 @@ def key(tensor):
 
 
 class EmulatedGraph(TorchDispatchMode):
-    """Stands in for `trainers.graphs.CudaGraph`."""
+    """Stands in for `trainers.accel.graphs.CudaGraph`."""
 
     def __init__(self, device):
         super().__init__()
@@ -66,7 +66,7 @@ class EmulatedGraph(TorchDispatchMode):
     def warm_up(self, function):
         return function()
 
-    def record(self, function):
+    def capture(self, function):
         with self:
             result = function()
         for storage, content in self.before.values():

@@ -1,19 +1,48 @@
-"""PPO in plain torch on the batched world of `iout_marl`."""
+"""PPO in plain torch on the batched world of `iout_marl`. Names are imported when asked for."""
 
-from trainers.group import Group, started_group
-from trainers.ppo import Trainer
-from trainers.run_folder import RunFolder
-from trainers.train import DivergedError, TrainingOutcome, find_device, train
-from trainers.trained import TrainedPolicy
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from trainers.accel.processes import ProcessGroup, started_group
+    from trainers.callbacks import Callback
+    from trainers.ppo import Trainer
+    from trainers.runs.folder import RunFolder
+    from trainers.trained import TrainedPolicy
+    from trainers.training import DivergedError, TrainingOutcome, TrainingRun, find_device, train
+
+_MODULES = {
+    "Callback": "trainers.callbacks",
+    "DivergedError": "trainers.training",
+    "ProcessGroup": "trainers.accel.processes",
+    "RunFolder": "trainers.runs.folder",
+    "TrainedPolicy": "trainers.trained",
+    "Trainer": "trainers.ppo",
+    "TrainingRun": "trainers.training",
+    "TrainingOutcome": "trainers.training",
+    "find_device": "trainers.training",
+    "started_group": "trainers.accel.processes",
+    "train": "trainers.training",
+}
 
 __all__ = [
+    "Callback",
     "DivergedError",
-    "Group",
+    "ProcessGroup",
     "RunFolder",
     "TrainedPolicy",
     "Trainer",
     "TrainingOutcome",
+    "TrainingRun",
     "find_device",
     "started_group",
     "train",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = getattr(importlib.import_module(_MODULES[name]), name)
+    globals()[name] = found
+    return found

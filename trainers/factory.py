@@ -1,4 +1,4 @@
-"""Networks for a world."""
+"""Makes the networks that a training names, for the observations and actions of a world."""
 
 from __future__ import annotations
 
@@ -6,25 +6,67 @@ import math
 
 import numpy as np
 import torch
+from torch import Tensor, nn
 
+from iout_marl.parts import NetworkSizes
 from iout_marl.scenario import Training
 from iout_marl.world.observation import Observer, Ranges
-from trainers.networks import ActorCritic, Scaler
+from trainers.networks import ActorCritic, Perceptron, Scaler, expand_replicas
 
 
 def make_network(
     observer: Observer, action_sizes: tuple[int, ...], settings: Training
 ) -> ActorCritic:
-    """Untrained networks for a world's observations and actions of these sizes."""
+    """Untrained networks, as `training.network` says, for a world's observations and actions.
+
+    Raises:
+        InputError: the network's part is at fault.
+    """
     privileged = observer.critic_ranges(central=settings.critic == "central")
+    entries = len(observer.agent_ranges.low)
+    sizes = NetworkSizes(
+        entries,
+        entries + (0 if privileged is None else len(privileged.low)),
+        action_sizes,
+        tuple(observer.node_entries),
+        settings,
+    )
+    actor, critic = _actor_and_critic(sizes)
     return ActorCritic(
         _scaler(observer.agent_ranges, settings),
         action_sizes,
-        settings.hidden_units,
-        settings.activation,
+        actor,
+        critic,
         None if privileged is None else _scaler(privileged, settings),
         observer.node_entries if settings.node_network else None,
+        settings.activation,
     )
+
+
+def _actor_and_critic(sizes: NetworkSizes) -> tuple[nn.Module, nn.Sequential]:
+    chosen = sizes.training.network
+    part = chosen.part
+    with chosen.entry.blamed():
+        actor, critic = part.make_actor(sizes), part.make_critic(sizes)
+        if isinstance(actor, Perceptron) and isinstance(critic, Perceptron):
+            return actor, critic
+        for name, module, inputs, outputs in (
+            ("actor", actor, sizes.observation_entries, sizes.choices),
+            ("critic", critic, sizes.critic_entries, 1),
+        ):
+            if not isinstance(module, nn.Module):
+                raise part.fault(f"its {name} is no torch.nn.Module, but a {type(module).__name__}")
+            for lead in ((2,), (2, 3), (2, 1, 3)):
+                found = module(torch.zeros(*lead, inputs))
+                shape = getattr(found, "shape", None)
+                if shape != (*lead, outputs):
+                    raise part.fault(
+                        f"its {name} makes {shape and tuple(shape)} of {(*lead, inputs)}, "
+                        f"not {(*lead, outputs)}"
+                    )
+                if not found.isfinite().all():
+                    raise part.fault(f"its {name} makes numbers that are not finite of zeros")
+    return PolicyByPolicy(actor), nn.Sequential(PolicyByPolicy(critic), OutputScale())
 
 
 def _scaler(ranges: Ranges, settings: Training) -> Scaler:
@@ -40,3 +82,47 @@ def _scaler(ranges: Ranges, settings: Training) -> Scaler:
         limit,
         running=settings.observation_scaling == "running",
     )
+
+
+class OutputScale(nn.Module):
+    """Multiplies a lone output and adds to it: what PopArt changes of a critic from outside."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(torch.ones(1))
+        self.bias = nn.Parameter(torch.zeros(1))
+
+    def forward(self, value: Tensor) -> Tensor:
+        """(…, 1) to (…, 1)."""
+        weight, bias = self.weight.squeeze(-1), self.bias.squeeze(-1)
+        return value * expand_replicas(weight, value) + expand_replicas(bias, value)
+
+
+class PolicyByPolicy(nn.Module):
+    """Runs a module from outside, whose weights may be `stacked`, for one policy after the other.
+
+    Args:
+        module: as it is for one policy.
+    """
+
+    def __init__(self, module: nn.Module) -> None:
+        super().__init__()
+        self.module = module
+        self._axes = {name: tensor.ndim for name, tensor in self._tensors().items()}
+
+    def _tensors(self) -> dict[str, Tensor]:
+        return {**dict(self.module.named_parameters()), **dict(self.module.named_buffers())}
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        """(…, entries) to (…, outputs)."""
+        tensors = self._tensors()
+        if all(tensor.ndim == self._axes[name] for name, tensor in tensors.items()):
+            result: Tensor = self.module(inputs)
+            return result
+        results = [
+            torch.func.functional_call(
+                self.module, {name: tensor[i] for name, tensor in tensors.items()}, (each,)
+            )
+            for i, each in enumerate(inputs)
+        ]
+        return torch.stack(results)

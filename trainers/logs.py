@@ -1,14 +1,13 @@
-"""Where a training tells how it goes: TensorBoard, a log file, the terminal."""
+"""Callbacks that report how a training goes: to TensorBoard, a log file, the terminal."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from statistics import fmean
-from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -17,8 +16,12 @@ from torch.utils.tensorboard import SummaryWriter
 from iout_marl.errors import InputError
 from iout_marl.files import reason, to_json, write_atomically
 from iout_marl.metrics import described
-from trainers.metrics import damaged_lines, read_rows, row
-from trainers.run_folder import RunFolder
+from trainers.callbacks import Callback
+from trainers.runs.folder import RunFolder
+from trainers.runs.metrics import damaged_lines, read_rows, row
+
+if TYPE_CHECKING:
+    from trainers.training import TrainingRun
 
 #: Metrics that the terminal shows, by the name of their field.
 _SHOWN = {"aoi": described("mean_aoi"), "jain": described("jain"), "kj": described("harvested_kj")}
@@ -37,31 +40,54 @@ def tell(console: Console, line: str) -> None:
         console.print(line, markup=False, highlight=False, emoji=False, soft_wrap=True)
 
 
-class TrainingLog:
-    """Writes each iteration to TensorBoard, to `metrics.jsonl` and to the terminal.
+class TrainingLog(Callback):
+    """Writes each iteration to TensorBoard and to `metrics.jsonl`, in the first process.
 
     All figures are of sampled actions, by which a policy learns, not of its most probable ones.
-
-    Args:
-        runs: the folder of each policy that is trained; none to write nothing and show nothing.
-        name: what the progress bar calls it.
-        total_steps: environment steps of the whole training.
-        env_steps: steps already taken; what the files say of later ones is cut off.
-        console: where the progress goes.
+    With them goes `speed/logging_share`: what part of the time since the last iteration was
+    logged has gone into logging that one.
     """
 
-    def __init__(
-        self,
-        runs: Sequence[RunFolder],
-        name: str,
-        total_steps: int,
-        env_steps: int,
-        console: Console,
-    ) -> None:
-        self._runs = [_RunLog(run, env_steps, console) for run in runs]
-        self._console = console
-        self._last_line = self._last_write = time.monotonic()
-        self._writing_s = 0.0
+    def on_start(self, training: TrainingRun) -> None:
+        """Open the files; what they say of later steps than those taken is cut off."""
+        self._runs: list[_RunLog] = []
+        self._last_write, self._writing_s = time.monotonic(), 0.0
+        # TensorBoard's thread dies of a full disk with a traceback; `on_iteration` and `on_end`
+        # raise the same error once more, which is then reported in one line.
+        self._usual_hook = threading.excepthook
+        threading.excepthook = self._without_tensorboard
+        for run in training.runs if training.is_first else ():
+            self._runs.append(_RunLog(run, training.trainer.env_steps, training.console))
+
+    def on_iteration(self, training: TrainingRun) -> None:
+        """Write the figures."""
+        now = time.monotonic()
+        share = self._writing_s / max(now - self._last_write, 1e-9)
+        self._last_write = now
+        for run, log in zip(self._runs, training.figures, strict=bool(self._runs)):
+            run.write(training.trainer.env_steps, {**log, "speed/logging_share": share})
+        self._writing_s = time.monotonic() - now
+
+    def on_end(self, training: TrainingRun) -> None:
+        """Close the files."""
+        try:
+            for run in self._runs:
+                run.close(quietly=training.failure is not None)
+        finally:
+            threading.excepthook = self._usual_hook
+
+    def _without_tensorboard(self, failure: threading.ExceptHookArgs) -> None:
+        if type(failure.thread).__name__ != "_AsyncWriterThread":
+            self._usual_hook(failure)
+
+
+class ProgressBar(Callback):
+    """Shows in the first process's terminal how far a training is; elsewhere, a line at times."""
+
+    def on_start(self, training: TrainingRun) -> None:
+        """Draw the bar."""
+        trainer, console = training.trainer, training.console
+        self._last_line = time.monotonic()
         self._progress = Progress(
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=None),
@@ -72,74 +98,49 @@ class TrainingLog:
             TextColumn("{task.fields[rate]:>7,.0f} steps/s"),
             TimeRemainingColumn(),
             console=console,
-            disable=not console.is_terminal or not runs,
+            disable=not console.is_terminal or not training.is_first,
         )
         self._task = self._progress.add_task(
-            name, total=total_steps, completed=env_steps, aoi=0.0, jain=0.0, kj=0.0, rate=0.0
+            training.trainer.source.name,
+            total=trainer.settings.steps,
+            completed=trainer.env_steps,
+            aoi=0.0,
+            jain=0.0,
+            kj=0.0,
+            rate=0.0,
         )
-        self._name = name
-        self._total = total_steps
-
-    def __enter__(self) -> Self:
-        # TensorBoard's thread dies of a full disk with a traceback; `write` and `close`
-        # raise the same error once more, which is then told in one line.
-        self._usual_hook = threading.excepthook
-        threading.excepthook = self._without_tensorboard
         with unfailing():
             self._progress.start()
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def on_iteration(self, training: TrainingRun) -> None:
+        """Move it on."""
+        if training.is_first:
+            with unfailing():
+                self._show(training)
+
+    def on_end(self, training: TrainingRun) -> None:  # noqa: ARG002
+        """Leave it as it is."""
         with unfailing():
             self._progress.stop()
-        try:
-            for run in self._runs:
-                run.close(quietly=error is not None)
-        finally:
-            threading.excepthook = self._usual_hook
 
-    def _without_tensorboard(self, failure: threading.ExceptHookArgs) -> None:
-        if type(failure.thread).__name__ != "_AsyncWriterThread":
-            self._usual_hook(failure)
-
-    def write(self, env_steps: int, logs: Sequence[dict[str, float]]) -> None:
-        """Log an iteration of every policy.
-
-        With it goes `speed/logging_share`: what part of the time since the last iteration
-        was logged has gone into logging that one.
-
-        Raises:
-            InputError: a file cannot be written.
-        """
-        now = time.monotonic()
-        share = self._writing_s / max(now - self._last_write, 1e-9)
-        self._last_write = now
-        for run, log in zip(self._runs, logs, strict=bool(self._runs)):
-            run.write(env_steps, {**log, "speed/logging_share": share})
-        if self._runs:
-            with unfailing():
-                self._show(env_steps, {tag: fmean(log[tag] for log in logs) for tag in logs[0]})
-        self._writing_s = time.monotonic() - now
-
-    def _show(self, env_steps: int, log: dict[str, float]) -> None:
+    def _show(self, training: TrainingRun) -> None:
+        env_steps, total = training.trainer.env_steps, training.trainer.settings.steps
+        figures = training.figures
+        log = {tag: fmean(log[tag] for log in figures) for tag in figures[0]}
         fields = {"rate": log["speed/env_steps_per_s"]}
         if _SHOWN["aoi"].tag in log:
             fields |= {field: log[metric.tag] for field, metric in _SHOWN.items()}
         self._progress.update(self._task, completed=env_steps, **fields)  # type: ignore[arg-type]
-        now = time.monotonic()
-        done = env_steps >= self._total
-        if not self._console.is_terminal and (done or now - self._last_line >= LINE_EVERY_S):
+        now, console = time.monotonic(), training.console
+        done = env_steps >= total
+        if not console.is_terminal and (done or now - self._last_line >= LINE_EVERY_S):
             self._last_line = now
             shown: dict[str, Any] = self._progress.tasks[0].fields
             aoi, jain, kj = (f"{shown[key]:.{metric.digits}f}" for key, metric in _SHOWN.items())
+            name = training.trainer.source.name
             tell(
-                self._console,
-                f"{self._name}  {min(env_steps / self._total, 1):4.0%}  sampled AoI {aoi}  "
+                console,
+                f"{name}  {min(env_steps / total, 1):4.0%}  sampled AoI {aoi}  "
                 f"Jain {jain}  {kj} {_SHOWN['kj'].unit}  {shown['rate']:,.0f} steps/s",
             )
 

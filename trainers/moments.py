@@ -7,7 +7,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from trainers.group import Group
+from trainers.accel.processes import ProcessGroup
 
 
 class Moments(NamedTuple):
@@ -18,7 +18,7 @@ class Moments(NamedTuple):
     number: Tensor  # () float
 
     @classmethod
-    def of(cls, values: Tensor, dims: tuple[int, ...], group: Group) -> Moments:
+    def from_values(cls, values: Tensor, dims: tuple[int, ...], group: ProcessGroup) -> Moments:
         """Those of a group's values over some of their axes; float64."""
         values = values.double()
         number = values.new_full((), float(group.size))
@@ -40,7 +40,7 @@ class Moments(NamedTuple):
         return Moments(self.mean + delta * other.number / number, squares / number, number)
 
     @classmethod
-    def none(cls, shape: tuple[int, ...], device: torch.device) -> Moments:
+    def from_no_values(cls, shape: tuple[int, ...], device: torch.device) -> Moments:
         """Those of no values."""
         zeros = torch.zeros(shape, dtype=torch.float64, device=device)
         return cls(zeros, zeros.clone(), zeros.new_zeros(()))

@@ -1,7 +1,7 @@
 """Actor and critic, and how they see observations.
 
-Several policies can be `stacked` into one, whose weights have one more axis, the first; so
-have then all that goes in and comes out: (replicas, …) instead of (…).
+Networks of several policies can be `stacked` into one, whose weights have one more axis, the
+first; so have then all that goes in and comes out: (policies, …) instead of (…).
 """
 
 from __future__ import annotations
@@ -10,11 +10,12 @@ import copy
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from trainers import functions
+from trainers import ops
 from trainers.moments import Moments
 
 #: A log-probability that comes out as a probability of exactly 0, and is finite.
@@ -28,7 +29,7 @@ class Scaler(nn.Module):
     Args:
         shift, scale: (entries,) each; `running` replaces them by what it sees.
         limit: bound of the result on both sides.
-        running: follow mean and spread of the observations seen in training.
+        running: follow mean and standard deviation of the observations seen in training.
     """
 
     shift: Tensor
@@ -68,7 +69,7 @@ class Scaler(nn.Module):
 
 
 class Perceptron(nn.Sequential):
-    """Linear layers with an activation between them; see `functions.perceptron`."""
+    """Linear layers with an activation between them; see `ops.perceptron`."""
 
     def __init__(self, layers: Sequence[nn.Module], activation: str) -> None:
         super().__init__(*layers)
@@ -80,7 +81,7 @@ class Perceptron(nn.Sequential):
         """(…, entries) to (…, outputs), whose samples lie along the last axis of memory."""
         replicas = inputs.shape[: self._in_order[0].ndim - 2]
         samples = inputs.reshape(*replicas, -1, inputs.shape[-1]).mT
-        result = functions.perceptron(samples, self._in_order, self._activation).mT
+        result = ops.perceptron(samples, self._in_order, self._activation).mT
         return result.reshape(*inputs.shape[:-1], result.shape[-1])
 
 
@@ -114,39 +115,39 @@ class ActorCritic(nn.Module):
     Args:
         scaler: what prepares the observations.
         action_sizes: number of choices of each entry of an action.
-        hidden_units: width of each hidden layer, of actor and critic alike.
-        activation: `tanh` or `relu`.
+        actor: (…, entries) to the logits of all choices: either (…, choices), those of one entry
+            of an action after the other, or (…, action entries · width), see `logits`.
+        critic: (…, entries) to (…, 1); its last layer has a `weight` and a `bias`.
         privileged: what prepares all that the critic alone sees; None where there is nothing.
         node_entries: entries of an observation that tell of each node: ages, energies. With
-            them the actor adds to the score of every node what a small network makes of that
+            them the actor adds to the logit of every node what a small network makes of that
             node's entries: one network for all nodes, which need not learn alone what an old
             node or a full store is worth. None for an actor without it.
+        activation: of that small network.
     """
 
     padding: Tensor
     choice: Tensor
     return_mean: Tensor
-    return_spread: Tensor
+    return_std: Tensor
     return_count: Tensor
 
     def __init__(
         self,
         scaler: Scaler,
         action_sizes: Sequence[int],
-        hidden_units: Sequence[int],
-        activation: str,
+        actor: nn.Module,
+        critic: nn.Sequential,
         privileged: Scaler | None = None,
         node_entries: Sequence[slice] | None = None,
+        activation: str = "tanh",
     ) -> None:
         super().__init__()
         self.action_sizes = tuple(action_sizes)
         self.width = max(action_sizes)
-        inputs = scaler.shift.shape[0]
         self.scaler = scaler
         self.privileged = privileged
-        # Small first logits make the first policy all but uniform.
-        outputs = len(self.action_sizes) * self.width
-        self.actor = perceptron(inputs, hidden_units, outputs, activation, 0.01)
+        self.actor = actor
         padding = torch.zeros(len(self.action_sizes), self.width)
         for entry, size in zip(padding, self.action_sizes, strict=True):
             entry[size:] = _IMPOSSIBLE
@@ -155,18 +156,16 @@ class ActorCritic(nn.Module):
         choice = torch.zeros(padding.shape, dtype=torch.int64)
         choice[padding == 0] = torch.arange(sum(self.action_sizes))
         self.register_buffer("choice", choice, persistent=False)
-        if privileged is not None:
-            inputs += privileged.shift.shape[0]
-        self.critic = perceptron(inputs, hidden_units, 1, activation, 1.0)
+        self.critic = critic
         self.node_entries = node_entries
         if node_entries is not None:
             choices = len(self.action_sizes) - 1
             self.node_actor = perceptron(len(node_entries), (16,), choices, activation, 0.01)
         self.register_buffer("return_mean", torch.tensor(0.0))
-        self.register_buffer("return_spread", torch.tensor(1.0))
+        self.register_buffer("return_std", torch.tensor(1.0))
         self.register_buffer("return_count", torch.tensor(0.0))
 
-    def scores(self, inputs: Tensor, mask: Tensor | None = None) -> Tensor:
+    def logits(self, inputs: Tensor, mask: Tensor | None = None) -> Tensor:
         """Unnormalised log-probabilities of all choices, (…, action entries, width).
 
         Entries with fewer choices than `width`, the largest of `action_sizes`, are filled
@@ -178,21 +177,24 @@ class ActorCritic(nn.Module):
                 where it is false get no probability.
         """
         flat: Tensor = self.actor(inputs)
-        scores = flat.reshape(*flat.shape[:-1], *self.padding.shape) + self.padding
+        if flat.shape[-1] == self.padding.numel():
+            logits = flat.reshape(*flat.shape[:-1], *self.padding.shape) + self.padding
+        else:
+            logits = flat[..., self.choice] + self.padding
         if self.node_entries is not None:
-            told = torch.stack([inputs[..., entries] for entries in self.node_entries], dim=-1)
-            of_nodes = self.node_actor(told).movedim(-1, -2)
-            missing = self.width - of_nodes.shape[-1]
-            # Directions are no nodes: nothing is added to their scores.
-            scores = scores + nn.functional.pad(of_nodes, (0, missing, 1, 0))
+            seen = torch.stack([inputs[..., entries] for entries in self.node_entries], dim=-1)
+            by_node = self.node_actor(seen).movedim(-1, -2)
+            missing = self.width - by_node.shape[-1]
+            # Directions are no nodes: nothing is added to their logits.
+            logits = logits + nn.functional.pad(by_node, (0, missing, 1, 0))
         if mask is None:
-            return scores
-        return scores.masked_fill(~mask[..., self.choice], _IMPOSSIBLE)
+            return logits
+        return logits.masked_fill(~mask[..., self.choice], _IMPOSSIBLE)
 
     @staticmethod
-    def log_probabilities(scores: Tensor) -> Tensor:
-        """What (…, action entries, width) scores stand for, normalised for each entry."""
-        return _samples_last(scores).log_softmax(1).movedim((0, 1), (-2, -1))
+    def log_probabilities(logits: Tensor) -> Tensor:
+        """What (…, action entries, width) logits stand for, normalised for each entry."""
+        return _samples_last(logits).log_softmax(1).movedim((0, 1), (-2, -1))
 
     def critic_inputs(self, inputs: Tensor, seen: Tensor | None) -> Tensor:
         """What the critic sees, (…, entries).
@@ -206,22 +208,27 @@ class ActorCritic(nn.Module):
         return torch.cat([inputs, self.privileged(seen)], dim=-1)
 
     def normalised_value(self, inputs: Tensor) -> Tensor:
-        """Values, (…), of (…, entries) `critic_inputs`, in spreads from the mean return."""
+        """`value`, in standard deviations from the mean return."""
         value: Tensor = self.critic(inputs)
         return value.squeeze(-1)
 
     def value(self, inputs: Tensor) -> Tensor:
         """Values, (…), of (…, entries) `critic_inputs`."""
         value = self.normalised_value(inputs)
-        return value * aligned(self.return_spread, value) + aligned(self.return_mean, value)
+        mean, std = self._return_scale(value)
+        return value * std + mean
 
     def normalised_return(self, returns: Tensor) -> Tensor:
-        """Returns in spreads from their mean: what `normalised_value` aims at."""
-        return (returns - aligned(self.return_mean, returns)) / aligned(self.return_spread, returns)
+        """Returns in standard deviations from their mean: what `normalised_value` aims at."""
+        mean, std = self._return_scale(returns)
+        return (returns - mean) / std
+
+    def _return_scale(self, like: Tensor) -> tuple[Tensor, Tensor]:
+        return expand_replicas(self.return_mean, like), expand_replicas(self.return_std, like)
 
     @torch.no_grad()
-    def follow_returns(self, returns: Moments, decay: float = 0.9) -> None:
-        """Move the critic's normalisation towards the mean and spread of returns, () each.
+    def update_popart(self, returns: Moments, decay: float = 0.9) -> None:
+        """Move the critic's normalisation towards the mean and variance of returns, () each.
 
         The last layer is changed so that every value stays what it was (PopArt: van
         Hasselt et al., 2016); only the first call, before anything is learnt, moves them.
@@ -229,36 +236,37 @@ class ActorCritic(nn.Module):
         is_first = self.return_count == 0
         decay_now = torch.where(is_first, 0.0, decay)
         mean = decay_now * self.return_mean + (1 - decay_now) * returns.mean.float()
-        spread = returns.variance.sqrt().clamp_min(1e-4).float()
-        spread = decay_now * self.return_spread + (1 - decay_now) * spread
-        last = self.critic[-1]
-        assert isinstance(last, nn.Linear)
-        factor = torch.where(is_first, 1.0, self.return_spread / spread)
-        offset = torch.where(is_first, 0.0, (self.return_mean - mean) / spread)
-        last.weight *= aligned(factor, last.weight)
-        last.bias.copy_(last.bias * aligned(factor, last.bias) + aligned(offset, last.bias))
+        std = returns.variance.sqrt().clamp_min(1e-4).float()
+        std = decay_now * self.return_std + (1 - decay_now) * std
+        last: Any = self.critic[-1]
+        factor = torch.where(is_first, 1.0, self.return_std / std)
+        offset = torch.where(is_first, 0.0, (self.return_mean - mean) / std)
+        last.weight *= expand_replicas(factor, last.weight)
+        last.bias.copy_(
+            last.bias * expand_replicas(factor, last.bias) + expand_replicas(offset, last.bias)
+        )
         self.return_mean.copy_(mean)
-        self.return_spread.copy_(spread)
+        self.return_std.copy_(std)
         self.return_count += 1
 
     @staticmethod
-    def choose(scores: Tensor) -> Tensor:
+    def greedy_action(logits: Tensor) -> Tensor:
         """(…, action entries): the most probable choices."""
-        return scores.argmax(-1)
+        return logits.argmax(-1)
 
     @staticmethod
-    def sample(scores: Tensor, uniform: Tensor) -> tuple[Tensor, Tensor]:
+    def sample(logits: Tensor, uniform: Tensor) -> tuple[Tensor, Tensor]:
         """Choices drawn by inverting their distribution, and their log-probability.
 
         Args:
-            scores: (…, action entries, width).
+            logits: (…, action entries, width).
             uniform: (…, action entries) numbers of (0, 1]. At 0 the first choice would be
                 taken even where it has no probability.
 
         Returns:
             (…, action entries) choices and (…) log-probabilities.
         """
-        probability = _samples_last(scores).softmax(1)
+        probability = _samples_last(logits).softmax(1)
         shares = probability.cumsum(1)
         drawn = shares[:, -1:] * uniform.movedim(-1, 0).unsqueeze(1)
         choice = (shares < drawn).sum(1, keepdim=True)
@@ -272,7 +280,7 @@ class ActorCritic(nn.Module):
 
 
 def stacked(networks: Sequence[ActorCritic]) -> ActorCritic:
-    """Networks of one shape as one, whose weights and buffers are (replicas, …)."""
+    """Networks of one shape as one, whose weights and buffers are (policies, …)."""
     result = copy.deepcopy(networks[0])
     state = [network.state_dict() for network in networks]
     for name, tensor in [*result.named_parameters(), *result.named_buffers()]:
@@ -281,18 +289,18 @@ def stacked(networks: Sequence[ActorCritic]) -> ActorCritic:
     return result
 
 
-def aligned(values: Tensor, other: Tensor) -> Tensor:
-    """Values (replicas) or () so that they multiply each replica's part of the other."""
+def expand_replicas(values: Tensor, other: Tensor) -> Tensor:
+    """Values (policies) or () in a shape to multiply each policy's part of the other."""
     return values.reshape(*values.shape, *(1,) * (other.ndim - values.ndim))
 
 
-def _samples_last(scores: Tensor) -> Tensor:
+def _samples_last(logits: Tensor) -> Tensor:
     """(…, action entries, width) as (action entries, width, …).
 
     Over a short last axis softmax takes one number at a time; with the samples last, as
     they lie in memory, it takes many at once, in a fraction of the time.
     """
-    return scores.movedim((-2, -1), (0, 1))
+    return logits.movedim((-2, -1), (0, 1))
 
 
 def uniform_noise(shape: Sequence[int], generator: torch.Generator) -> Tensor:

@@ -8,8 +8,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from trainers.graphs import write_over
-from trainers.group import Group
+from trainers.accel import Runtime
+from trainers.accel.graphs import write_over
 from trainers.moments import Moments
 
 
@@ -49,41 +49,34 @@ class RewardScale:
     """The divisor of the rewards, so that values are of order one.
 
     Args:
-        kind: `none`; `first_rollout`, the spread of the rewards of the first rollout;
-            `running`, the spread of the discounted return over all that was seen.
+        kind: `none`; `first_rollout`, the standard deviation of the rewards of the first
+            rollout; `running`, that of the discounted return over all that was seen.
         discount: γ.
-        replicas: axis of the policies, where there are several.
-        group: who shares the environments.
+        replicas: how many policies.
+        runtime: the processes that share the environments.
 
     Attributes:
-        divisor: (replicas) or ().
+        divisor: (policies).
     """
 
-    def __init__(
-        self,
-        kind: str,
-        discount: float,
-        replicas: tuple[int, ...] = (),
-        group: Group | None = None,
-        device: torch.device | None = None,
-    ) -> None:
+    def __init__(self, kind: str, discount: float, replicas: int, runtime: Runtime) -> None:
         self._kind = kind
         self._discount = discount
-        self._group = group or Group()
+        self._group = runtime.group
         self._return: Tensor | None = None
-        self._seen = Moments.none(replicas, device or torch.device("cpu"))
+        self._seen = Moments.from_no_values((replicas,), runtime.device)
         self._is_first = True
 
     @property
     def divisor(self) -> Tensor:
-        spread = self._seen.variance.sqrt().clamp_min(1e-6).float()
-        return torch.ones_like(spread) if self._kind == "none" else spread
+        std = self._seen.variance.sqrt().clamp_min(1e-6).float()
+        return torch.ones_like(std) if self._kind == "none" else std
 
     def update(self, reward: Tensor, truncated: Tensor) -> None:
-        """Take in (slots, envs, auvs) or (slots, replicas, envs, auvs) rewards.
+        """Take in rewards.
 
         Args:
-            reward: in every slot.
+            reward: (slots, policies, envs, auvs).
             truncated: (slots,) bool, whether the episode ended with the slot.
         """
         if self._kind == "none" or (self._kind == "first_rollout" and not self._is_first):
@@ -91,46 +84,41 @@ class RewardScale:
         self._is_first = False
         if self._kind == "running":
             reward = self._discounted(reward, truncated)
-        dims = (0, -2, -1)
-        merged = self._seen.merged(Moments.of(reward, dims, self._group))
+        merged = self._seen.merged(Moments.from_values(reward, (0, -2, -1), self._group))
         write_over(self._seen, merged)
 
     def _discounted(self, reward: Tensor, truncated: Tensor) -> Tensor:
-        """The return so far in every slot, with the episodes' beginnings in mind."""
+        """The return so far in every slot; it begins anew with each episode."""
         if self._return is None:
             self._return = torch.zeros_like(reward[0])
         now, returns = self._return, []
-        goes_on = (~truncated).to(reward.dtype)
-        for slot_reward, carried in zip(reward, goes_on, strict=True):
+        continues = (~truncated).to(reward.dtype)
+        for slot_reward, carried in zip(reward, continues, strict=True):
             returns.append(now * self._discount + slot_reward)
             now = returns[-1] * carried
         self._return.copy_(now)
         return torch.stack(returns)
 
     def state_dict(self, policy: int = 0) -> dict[str, Any]:
-        """What `load_state_dict` goes on from, for one policy; see `Simulation.state_dict`."""
-        several = self._seen.mean.ndim > 0
+        """What `load_state_dict` continues from, for one policy; see `Collector.state_dict`."""
         own = None
         if self._return is not None:
-            own = self._return[policy] if several else self._return
-            own = self._group.join(own.clone()).cpu()
+            own = self._group.join(self._return[policy].clone()).cpu()
         moments = torch.stack([m.expand(self._seen.mean.shape) for m in self._seen]).cpu()
         return {
             "return": own,
-            "moments": (moments[:, policy] if several else moments).tolist(),
+            "moments": moments[:, policy].tolist(),
             "is_first": self._is_first,
         }
 
     def load_state_dict(self, saved: Sequence[dict[str, Any]]) -> None:
-        """Go on from the `state_dict` of each policy."""
-        shape, device = self._seen.mean.shape, self._seen.mean.device
+        """Continue from the `state_dict` of each policy."""
+        device = self._seen.mean.device
         moments = torch.tensor([one["moments"] for one in saved], dtype=torch.float64)
-        mean, variance, number = moments.to(device).unbind(-1)
-        self._seen = Moments(
-            mean.reshape(shape).clone(), variance.reshape(shape).clone(), number[0].clone()
-        )
+        mean, variance, number = (each.clone() for each in moments.to(device).unbind(-1))
+        self._seen = Moments(mean, variance, number[0].clone())
         self._is_first = saved[0]["is_first"]
         self._return = None
         if saved[0]["return"] is not None:
             parts = [one["return"][self._group.share(len(one["return"]))] for one in saved]
-            self._return = torch.stack(parts).reshape(*shape, *parts[0].shape).to(device)
+            self._return = torch.stack(parts).to(device)

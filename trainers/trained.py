@@ -111,14 +111,14 @@ class TrainedPolicy(BasePolicy):
         device = self.network.scaler.shift.device
         seen = torch.as_tensor(observation, dtype=torch.float32, device=device)
         allowed = None if mask is None else torch.as_tensor(mask, device=device)
-        scores = self.network.scores(self.network.scaler(seen), allowed)
-        if not scores.isfinite().all():
+        logits = self.network.logits(self.network.scaler(seen), allowed)
+        if not logits.isfinite().all():
             raise InputError(
                 f"{self.name}: its weights lead to numbers that are not finite: they are damaged, "
                 "or of a training that diverged"
             )
         if not self.sampled:
-            return self.network.choose(scores).cpu().numpy()
-        noise = 1 - rng.random(scores.shape[:-1], dtype=np.float32)
-        action, _ = self.network.sample(scores, torch.as_tensor(noise, device=device))
+            return self.network.greedy_action(logits).cpu().numpy()
+        noise = 1 - rng.random(logits.shape[:-1], dtype=np.float32)
+        action, _ = self.network.sample(logits, torch.as_tensor(noise, device=device))
         return action.cpu().numpy()

@@ -25,7 +25,9 @@ from iout_marl.parts.channel import Channel, channels
 from iout_marl.parts.duplex import Duplex, duplexes
 from iout_marl.parts.entry import Entry, entries
 from iout_marl.parts.motion import Motion, motions
+from iout_marl.parts.network import Network, NetworkSizes, networks
 from iout_marl.parts.observation import Representation, representations
+from iout_marl.parts.optimizer import Optimizer, optimizers
 from iout_marl.parts.placement import Placement, placements
 from iout_marl.parts.reward import Reward, rewards
 from iout_marl.scenario.fields import (
@@ -51,7 +53,10 @@ __all__ = [
     "Entry",
     "Fraction",
     "Motion",
+    "Network",
+    "NetworkSizes",
     "NonNegative",
+    "Optimizer",
     "Part",
     "PartOf",
     "Placement",
@@ -71,11 +76,17 @@ __all__ = [
     "entries",
     "invalid",
     "motions",
+    "networks",
+    "optimizers",
     "placements",
     "representations",
     "rewards",
 ]
 
-# Whatever lies in the folder of a role registers itself.
-for _found in pkgutil.walk_packages(__path__, f"{__name__}."):
-    importlib.import_module(_found.name)
+# Whatever lies in the folder of a role registers itself; so do the trainer's own parts.
+for _name, _path in (
+    (__name__, __path__),
+    ("trainers.parts", importlib.import_module("trainers.parts").__path__),
+):
+    for _found in pkgutil.walk_packages(_path, f"{_name}."):
+        importlib.import_module(_found.name)

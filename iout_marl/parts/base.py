@@ -67,10 +67,12 @@ class Part:
         xp: namespace of the array library, once it is set up.
         nodes_are_alike, auvs_are_alike: whether what it makes of nodes, and of AUVs, does not
             depend on how they are numbered: where they are permuted, so are its results.
+        is_of_world: whether it works in a world; if not, in a training.
     """
 
     nodes_are_alike: ClassVar[bool] = True
     auvs_are_alike: ClassVar[bool] = True
+    is_of_world: ClassVar[bool] = True
 
     if TYPE_CHECKING:
         Settings: ClassVar[type[PartSettings]]

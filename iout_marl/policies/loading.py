@@ -97,7 +97,7 @@ def named_policy(
     Args:
         scenario, name, seed: as there.
         option: what named the policy, for messages.
-        transfer: as for `trainers.loading.load_run`.
+        transfer: as for `trainers.runs.loading.load_run`.
         sampled: as for `load_policy`; without effect on others.
     """
     if not is_run(name):
@@ -150,8 +150,8 @@ def members(folder: Path) -> list[Path]:
 
 
 def load_run(scenario: Scenario, name: str, *, transfer: bool) -> tuple[RunFolder, Scenario]:
-    """See `trainers.loading.load_run`."""
-    from trainers.loading import load_run
+    """See `trainers.runs.loading.load_run`."""
+    from trainers.runs.loading import load_run
 
     return load_run(Path(name), scenario, transfer=transfer)
 

@@ -137,6 +137,9 @@ def _kinds(part: PartOf, definitions: dict[str, Any], *, is_item: bool) -> list[
                 "additionalProperties": False,
             }
         )
+    if part.by_name:
+        about = {"title": part.by_name, "description": f"`name` of kind `{part.by_name}`."}
+        words.append({**about, "type": "string", "pattern": "^[A-Z]"})
     kinds = [*(words if part.is_word else ()), *mappings]
     # What is listed replaces whatever was listed before: nothing gives it a kind.
     return kinds if is_item else [*kinds, _of_any_kind(found)]

@@ -100,11 +100,13 @@ class PartOf:
         role: of the part.
         is_word: it may be written as its kind alone, and is, where it has no other key.
         default: the kind of a mapping that names none; empty where one must be named.
+        by_name: the kind that a word with a capital letter is the `name` of; empty for none.
     """
 
     role: str
     is_word: bool = False
     default: str = ""
+    by_name: str = ""
 
     def models(self) -> tuple[type[Settings], ...]:
         """The settings of every kind."""
@@ -124,20 +126,24 @@ class PartOf:
             ),
         )
         if self.is_word:
-            return core_schema.no_info_before_validator_function(_from_word, union)
+            return core_schema.no_info_before_validator_function(self.from_word, union)
         if self.default:
             return core_schema.no_info_before_validator_function(self.with_default, union)
         return union
+
+    def from_word(self, value: Any) -> Any:
+        """A mapping for a word."""
+        if not isinstance(value, str):
+            return value
+        if self.by_name and value[:1].isupper():
+            return {"kind": self.by_name, "name": value}
+        return {"kind": value}
 
     def with_default(self, value: Any) -> Any:
         """A mapping with the kind that holds where it names none."""
         if self.default and isinstance(value, Mapping) and "kind" not in value:
             return {"kind": self.default, **value}
         return value
-
-
-def _from_word(value: Any) -> Any:
-    return {"kind": value} if isinstance(value, str) else value
 
 
 def _to_mapping(value: Settings, info: SerializationInfo) -> Any:

@@ -309,7 +309,7 @@ def _rebuild() -> None:
     """Take in a part that was registered after a scenario had been read."""
     forget_keys()
     if Scenario.__pydantic_complete__:
-        holders: tuple[type[BaseModel], ...] = (*part_models(), Auvs, Scenario)
+        holders: tuple[type[BaseModel], ...] = (*part_models(), Auvs, Training, Scenario)
         for model in holders:
             model.model_rebuild(force=True)
 

@@ -15,6 +15,7 @@ from iout_marl.scenario.fields import (
     Section,
     Text,
 )
+from iout_marl.scenario.parts import PartOf, Settings
 
 
 class Training(Section):
@@ -32,7 +33,11 @@ class Training(Section):
     epochs: Annotated[Count, Plausible(1, 1000, "epochs")]
     #: Parts into which a rollout is cut in each epoch.
     minibatches: Annotated[Count, Plausible(1, 10**6, "minibatches")]
-    #: Step size of Adam. Of any size: a training that diverges says so itself.
+    #: What changes the weights: `adam`, a class of `torch.optim` (`AdamW`), or one from outside.
+    optimizer: Annotated[Settings, PartOf("optimizer", is_word=True, by_name="torch")] = Field(
+        "adam", validate_default=True
+    )
+    #: Step size of the optimizer. Of any size: a training that diverges says so itself.
     learning_rate: Annotated[float, Field(gt=0, le=1e30)]
     #: Whether the learning rate stays as it is; `linear` falls to 0 over the training.
     learning_rate_schedule: Literal["constant", "linear"]
@@ -56,6 +61,10 @@ class Training(Section):
     normalise_value: bool
     #: Leave the epochs of an update once the policy has moved this far; null for never.
     target_kl: Annotated[Positive, Plausible(0, 100)] | None
+    #: What actor and critic are made of: `mlp`, or one from outside.
+    network: Annotated[Settings, PartOf("network", is_word=True)] = Field(
+        "mlp", validate_default=True
+    )
     #: Units of each hidden layer, of actor and critic alike.
     hidden_units: Annotated[
         tuple[Annotated[Count, Plausible(1, 16_384, "units")], ...],
@@ -81,4 +90,9 @@ class Training(Section):
     #: Environment steps between two checkpoints.
     checkpoint_steps: Count
 
-    hash_defaults: ClassVar[dict[str, Any]] = {"critic": "own", "node_network": False}
+    hash_defaults: ClassVar[dict[str, Any]] = {
+        "critic": "own",
+        "network": "mlp",
+        "node_network": False,
+        "optimizer": "adam",
+    }

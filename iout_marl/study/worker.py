@@ -134,7 +134,7 @@ def _warm_up() -> None:
 
 def _curve(path: Path) -> dict[str, list[float]]:
     """The log of a training, thinned; rollouts in which no episode ended are left out."""
-    from trainers.metrics import read_rows
+    from trainers.runs.metrics import read_rows
 
     names = ("env_steps", *CURVES)
     rows, _ = read_rows(path)

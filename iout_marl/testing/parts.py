@@ -26,6 +26,7 @@ from iout_marl.testing import by_role
 from iout_marl.testing.environments import SEEDS
 from iout_marl.testing.recorded import Slot, actions_for, compare, episode, first_state, permuted
 from iout_marl.testing.settings import check_settings
+from iout_marl.testing.training import check_training
 from iout_marl.world import World
 from iout_marl.world.watch import watch
 
@@ -67,7 +68,8 @@ def check_part(
     A batch equals single environments; torch equals NumPy in float64; a single environment equals
     the batch; permuting nodes or AUVs permutes the results, where the part says so; nothing is
     mutated; what is returned has the right shape and type, is finite and within its declared
-    ranges; settings survive YAML and pickling and are in the hash; and what the role promises.
+    ranges; settings survive YAML and pickling and are in the hash; and what the role promises. Of
+    networks and optimizers: see `iout_marl.testing.training.check_training`.
 
     Args:
         role: of the part, or its registry: `parts.rewards`, say.
@@ -91,8 +93,9 @@ def check_part(
         bases = {base.name: base}
     with subject.contract("in a scenario"):
         worlds = dict(subject.put_into(bases))
+    contracts = CONTRACTS if entry.item.is_of_world else CONTRACTS_OF_TRAINING
     for name, world in worlds.items():
-        for contract, check in CONTRACTS.items():
+        for contract, check in contracts.items():
             with subject.contract(contract, name):
                 check(subject, world, tuple(seeds))
 
@@ -311,6 +314,10 @@ def _role(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
         check(subject.settings(scenario).part, scenario, seeds)
 
 
+def _training(_: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:  # noqa: ARG001
+    check_training(scenario)
+
+
 #: What all parts promise, in the order in which it is tested.
 CONTRACTS: Mapping[str, Callable[[_Subject, Scenario, Sequence[int]], None]] = {
     "what it states": _is_as_stated,
@@ -323,4 +330,10 @@ CONTRACTS: Mapping[str, Callable[[_Subject, Scenario, Sequence[int]], None]] = {
     "permuted nodes": _nodes,
     "permuted AUVs": _auvs,
     "a single environment equals the batch": _single,
+}
+#: The same of what works in a training.
+CONTRACTS_OF_TRAINING: Mapping[str, Callable[[_Subject, Scenario, Sequence[int]], None]] = {
+    "what it states": _is_as_stated,
+    "settings": _settings,
+    "a training": _training,
 }

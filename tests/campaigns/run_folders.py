@@ -20,8 +20,9 @@ from tiny_study import TINY
 
 from campaigns.campaign import Campaign, Tally
 from iout_marl import InputError, evaluate, load_scenario
-from trainers import DivergedError, saving, train
-from trainers.loading import load_run
+from trainers import DivergedError, train
+from trainers.runs import saving
+from trainers.runs.loading import load_run
 
 SEED = 3
 #: What a field, or a line, or a scalar of YAML may be replaced by.

@@ -21,7 +21,8 @@ from iout_marl.report.page import render_page
 from iout_marl.study import expand, load_study, run_study
 from iout_marl.study.results import read_results
 from iout_marl.study.run import StudyFolder
-from trainers import RunFolder, Trainer, graphs, rollout, train
+from trainers import RunFolder, Trainer, collector, train
+from trainers.accel import graphs
 
 QUIET = Console(quiet=True)
 #: Rollouts end in the middle of episodes, and so do checkpoints.
@@ -63,7 +64,7 @@ class TestTraining:
             assert logs[1][f"metrics/{name}"] == pytest.approx(alone[f"metrics/{name}"], rel=1e-4)
 
     def test_recorded_slots_sum_as_those_that_are_run(self, own, tiny, monkeypatch):
-        monkeypatch.setattr(rollout, "NUMPY_DEVICES", ())
+        monkeypatch.setattr(collector, "NUMPY_DEVICES", ())
         monkeypatch.setitem(graphs.GRAPHS, "cpu", EmulatedGraph)
         scenario = tiny(MID_EPISODE)
         recorded, eager = Trainer(scenario, 3), Trainer(scenario, 3, use_graphs=False)
@@ -77,7 +78,7 @@ class TestTraining:
     def stopped(self, go, folder):
         """A training that stops in the middle of an episode, with a sum that is under way."""
         go(folder, {**MID_EPISODE, "training.steps": 52})
-        return torch.load(folder / "checkpoint.pt", weights_only=True)["trainer"]["simulation"]
+        return torch.load(folder / "checkpoint.pt", weights_only=True)["trainer"]["collector"]
 
     def test_resumed_in_mid_episode_goes_on_as_if_it_had_not_stopped(self, own, go, tmp_path):
         sums = self.stopped(go, tmp_path / "stopped")["sums"]
@@ -124,10 +125,10 @@ class TestTraining:
         self.stopped(go, tmp_path)
         path = tmp_path / "checkpoint.pt"
         whole = torch.load(path, weights_only=True)
-        damage(whole["trainer"]["simulation"])
+        damage(whole["trainer"]["collector"])
         torch.save(whole, path)
         (tmp_path / "run.json").unlink()
-        with pytest.raises(InputError, match=r"checkpoint\.pt: .*simulation\.sums"):
+        with pytest.raises(InputError, match=r"checkpoint\.pt: .*collector\.sums"):
             go(tmp_path, MID_EPISODE, resume=True)
 
     def test_one_that_is_not_finite_ends_the_training(self, forgotten_metrics, go, tmp_path):

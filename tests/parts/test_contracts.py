@@ -18,6 +18,10 @@ SETTINGS = {
     ],
     ("reward", "mean_age"): [{"fairness_weight": 3.0}, {"credit": "difference"}],
     ("duplex", "tdd"): [{}, {"synchronised": True, "beta_rule": "stored"}],
+    ("optimizer", "torch"): [
+        {"name": "AdamW", "options": {"weight_decay": 0.01}},
+        {"name": "SGD", "options": {"momentum": 0.9}},
+    ],
     ("channel", "sonar"): [{"absorption": {"kind": "francois_garrison"}, "wind_m_per_s": 5.0}],
 }
 #: What else a scenario needs for a kind to have something to do.

@@ -35,6 +35,7 @@ SETTINGS = {
     ("placement", "fixed"): {"cells": CELLS},
     ("placement", "random"): {"count": 4},
     ("duplex", "tdd"): {"beta_rule": "stored"},
+    ("optimizer", "torch"): {"name": "AdamW"},
 }
 KEYS = {
     "absorption": "channel.absorption",
@@ -43,8 +44,10 @@ KEYS = {
     "channel": "channel",
     "duplex": "duplex",
     "motion": "auvs.motion",
+    "network": "training.network",
     "observation": "observation",
     "observation entry": "observation.entries",
+    "optimizer": "training.optimizer",
     "placement": "nodes",
     "reward": "reward",
 }
@@ -93,8 +96,15 @@ def pairs(request):
     registry.unregister(AGAIN + kind)
 
 
+OF_WORLD = [case for case in CASES if registry_of(case.values[0][0]).base.is_of_world]
+
+
 def every_pair(function):
     return pytest.mark.parametrize("pairs", CASES, indirect=True)(function)
+
+
+def every_pair_of_a_world(function):
+    return pytest.mark.parametrize("pairs", OF_WORLD, indirect=True)(function)
 
 
 def worlds(pairs, *teams):
@@ -127,7 +137,7 @@ def assert_same(found, expected):
         assert found == expected
 
 
-@every_pair
+@every_pair_of_a_world
 def test_episodes(pairs):
     for first, second in worlds(pairs):
         assert first.hash != second.hash
@@ -151,7 +161,7 @@ def played(scenario):
     return slots, masks, world.metrics(state), ranges, shown
 
 
-@every_pair
+@every_pair_of_a_world
 def test_policies_and_plans(pairs):
     for first, second in worlds(pairs):
         for make in (lambda: "greedy", lambda: "tour", lambda: PlannerPolicy(Budget(rounds=1))):
@@ -161,7 +171,7 @@ def test_policies_and_plans(pairs):
         assert found == expected
 
 
-@every_pair
+@every_pair_of_a_world
 def test_bounds(pairs):
     for first, second in worlds(pairs):
         for function in (bounds.least_age_sum, bounds.delivery_bound, is_covered):
@@ -201,7 +211,7 @@ def trained(scenario):
     return measured, {name: weight.numpy() for name, weight in trainer.weights().items()}
 
 
-@every_pair
+@every_pair_of_a_world
 def test_reports(pairs, tmp_path):
     """Those of a study: but for the name and the hash."""
     try:

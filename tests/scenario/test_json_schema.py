@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -60,6 +61,7 @@ def fits(value, schema):
         "minItems": lambda limit: not isinstance(value, list) or len(value) >= limit,
         "maxItems": lambda limit: not isinstance(value, list) or len(value) <= limit,
         "maxLength": lambda limit: not isinstance(value, str) or len(value) <= limit,
+        "pattern": lambda text: not isinstance(value, str) or bool(re.search(text, value)),
         "prefixItems": lambda items: not isinstance(value, list) or all(map(fits, value, items)),
         "items": lambda item: (
             not isinstance(value, list) or all(fits(one, item) for one in value[len(first) :])

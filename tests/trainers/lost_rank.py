@@ -12,7 +12,7 @@ iterate, ITERATIONS = Trainer.iterate_all, 5
 def iterate_and_die(trainer):
     logs = iterate(trainer)
     is_time = trainer.env_steps >= ITERATIONS * trainer.steps_per_iteration
-    if is_time and trainer.group.rank == int(os.environ["LOST"]):
+    if is_time and trainer.runtime.group.rank == int(os.environ["LOST"]):
         os._exit(7)
     return logs
 

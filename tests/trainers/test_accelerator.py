@@ -7,7 +7,7 @@ from torch.utils._python_dispatch import TorchDispatchMode
 
 from iout_marl import evaluate
 from iout_marl.world import redraws_every_episode
-from trainers import TrainedPolicy, Trainer, rollout
+from trainers import TrainedPolicy, Trainer, collector
 
 needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
 TWO_AUVS = {"auvs.start_cells": [[2, 1, 1], [1, 2, 1]]}
@@ -50,7 +50,7 @@ class NoWaiting(TorchDispatchMode):
 
 @pytest.fixture
 def on_torch(monkeypatch):
-    monkeypatch.setattr(rollout, "NUMPY_DEVICES", ())
+    monkeypatch.setattr(collector, "NUMPY_DEVICES", ())
 
 
 @pytest.fixture(params=VARIANTS.values(), ids=list(VARIANTS))
@@ -67,11 +67,11 @@ def assert_alike(first, second, tolerance):
 
 def test_learns_the_same_as_on_numpy(scenario, monkeypatch):
     on_numpy = Trainer(scenario, seed=2)
-    monkeypatch.setattr(rollout, "NUMPY_DEVICES", ())
+    monkeypatch.setattr(collector, "NUMPY_DEVICES", ())
     on_torch = Trainer(scenario, seed=2)
     for _ in range(3):
         on_numpy.iterate(), on_torch.iterate()
-    assert isinstance(on_torch.simulation.state.age, torch.Tensor)
+    assert isinstance(on_torch.collector.state.age, torch.Tensor)
     assert_alike(on_torch.weights(), on_numpy.weights(), 1e-4)
 
 
@@ -98,9 +98,9 @@ def test_the_check_for_waiting_can_fail(tiny):
 def test_gpu_learns_the_same_as_the_cpu_from_the_same_numbers(scenario, monkeypatch):
     on_cpu = Trainer(scenario, seed=2)
     # Generators differ between devices: both get the numbers of the CPU's.
-    uniform, randperm = rollout.uniform_noise, torch.randperm
+    uniform, randperm = collector.uniform_noise, torch.randperm
     monkeypatch.setattr(
-        rollout,
+        collector,
         "uniform_noise",
         lambda shape, generator: uniform(
             shape, torch.Generator().manual_seed(generator.initial_seed())
@@ -115,7 +115,7 @@ def test_gpu_learns_the_same_as_the_cpu_from_the_same_numbers(scenario, monkeypa
     )
     on_gpu = Trainer(scenario, seed=2, device="cuda")
     on_cpu.iterate(), on_gpu.iterate()
-    assert on_gpu.simulation.state.age.is_cuda
+    assert on_gpu.collector.state.age.is_cuda
     assert_alike(on_gpu.weights(), on_cpu.weights(), 1e-3)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from trainers.accel import Runtime
 from trainers.returns import RewardScale, advantages
 
 #: No episode ends in twelve slots.
@@ -75,17 +76,21 @@ def test_lambda_of_one_is_the_discounted_return_less_the_value():
 
 
 def rewards(slots=12, seed=0):
-    return torch.from_numpy(np.random.default_rng(seed).normal(-5, 3, (slots, 4, 2)))
+    return torch.from_numpy(np.random.default_rng(seed).normal(-5, 3, (slots, 1, 4, 2)))
+
+
+def reward_scale(kind, discount):
+    return RewardScale(kind, discount, 1, Runtime())
 
 
 def test_rewards_may_stay_as_they_are():
-    scale = RewardScale("none", 0.9)
+    scale = reward_scale("none", 0.9)
     scale.update(rewards(), NEVER)
     assert scale.divisor == 1
 
 
 def test_first_rollout_sets_the_divisor_for_good():
-    scale = RewardScale("first_rollout", 0.9)
+    scale = reward_scale("first_rollout", 0.9)
     scale.update(rewards(), NEVER)
     first = scale.divisor
     assert first.item() == pytest.approx(rewards().numpy().std())
@@ -94,8 +99,8 @@ def test_first_rollout_sets_the_divisor_for_good():
 
 
 def test_running_divisor_is_the_spread_of_all_discounted_returns():
-    scale, seen = RewardScale("running", 0.9), []
-    running = np.zeros((4, 2))
+    scale, seen = reward_scale("running", 0.9), []
+    running = np.zeros((1, 4, 2))
     for seed in range(5):
         batch, truncated = rewards(7, seed), NEVER[:7].clone()
         truncated[seed] = True
@@ -103,23 +108,23 @@ def test_running_divisor_is_the_spread_of_all_discounted_returns():
         for reward, ended in zip(batch.numpy(), truncated, strict=True):
             running = 0.9 * running + reward
             seen.append(running)
-            running = np.zeros((4, 2)) if ended else running
+            running = np.zeros((1, 4, 2)) if ended else running
     assert scale.divisor.item() == pytest.approx(np.std(seen))
 
 
 @pytest.mark.parametrize("kind", ["first_rollout", "running"])
 def test_equal_rewards_do_not_divide_by_zero(kind):
-    scale = RewardScale(kind, 0.0)
-    scale.update(torch.full((5, 2, 1), -3.0), NEVER[:5])
+    scale = reward_scale(kind, 0.0)
+    scale.update(torch.full((5, 1, 2, 1), -3.0), NEVER[:5])
     assert 0 < scale.divisor < 1e-3
 
 
 @pytest.mark.parametrize("kind", ["none", "first_rollout", "running"])
 def test_scale_goes_on_from_its_state(kind):
-    whole, first = RewardScale(kind, 0.9), RewardScale(kind, 0.9)
+    whole, first = reward_scale(kind, 0.9), reward_scale(kind, 0.9)
     for scale in (whole, first):
         scale.update(rewards(), NEVER)
-    second = RewardScale(kind, 0.9)
+    second = reward_scale(kind, 0.9)
     second.load_state_dict([first.state_dict()])
     for scale in (whole, second):
         scale.update(rewards(seed=1), torch.arange(12) == 11)

@@ -12,7 +12,8 @@ from rich.console import Console
 from tiny_study import PATIENCE_S
 
 from iout_marl import InputError
-from trainers import RunFolder, Trainer, saving, train
+from trainers import RunFolder, Trainer, train
+from trainers.runs import saving
 
 MARKS = {"run.json.begun", "group.json.begun"}
 EVENTS = "events.out.tfevents.1700000000.elsewhere.1.0"

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from iout_marl import InputError
 from trainers import Trainer, train
-from trainers.checking import check_origin, check_state
+from trainers.runs.checking import check_origin, check_state
 
 VARIANTS = {
     "fixed nodes": {},
@@ -142,11 +142,11 @@ def test_nothing_is_missing_or_too_much(trained):
         (("optimizer", "steps"), 10**9),
         (("reward_scale", "moments"), [0.0, -1.0, 1.0]),
         (("reward_scale", "moments"), [0.0, 1.0, float("nan")]),
-        (("simulation", "layout_rng", "bit_generator"), "MT19937"),
-        (("simulation", "layout_rng", "has_uint32"), 2),
-        (("simulation", "layout_rng", "uinteger"), 2**32),
-        (("simulation", "layout_rng", "state", "state"), 2**128),
-        (("simulation", "layout_rng", "state", "inc"), -1),
+        (("collector", "layout_rng", "bit_generator"), "MT19937"),
+        (("collector", "layout_rng", "has_uint32"), 2),
+        (("collector", "layout_rng", "uinteger"), 2**32),
+        (("collector", "layout_rng", "state", "state"), 2**128),
+        (("collector", "layout_rng", "state", "inc"), -1),
     ],
     ids=str,
 )
@@ -159,30 +159,28 @@ def test_numbers_out_of_range(trained, path, value):
 @pytest.mark.parametrize("value", [-1, 10**6])
 def test_states_that_no_world_comes_to(trained, name, value):
     saved, trainer = trained
-    tensor = saved["simulation"]["state"][name].clone()
+    tensor = saved["collector"]["state"][name].clone()
     tensor[(0,) * tensor.ndim] = value
-    message = refusal(changed(saved, ("simulation", "state", name), tensor), trainer)
-    assert f"'simulation.state.{name}' is out of its range" in message
+    message = refusal(changed(saved, ("collector", "state", name), tensor), trainer)
+    assert f"'collector.state.{name}' is out of its range" in message
 
 
 def test_cells_between_those_of_the_grid(tiny):
     trainer = Trainer(tiny(), seed=5)
     codes = set(
-        trainer.simulation.world.grid.encode(
-            trainer.simulation.world.grid.all_coordinates()
-        ).tolist()
+        trainer.collector.world.grid.encode(trainer.collector.world.grid.all_coordinates()).tolist()
     )
     between = next(code for code in range(max(codes)) if code not in codes)
     saved = trainer.state_dict()
-    saved["simulation"]["state"]["cell"][0] = between
-    assert "'simulation.state.cell' is out of its range" in refusal(saved, trainer)
+    saved["collector"]["state"]["cell"][0] = between
+    assert "'collector.state.cell' is out of its range" in refusal(saved, trainer)
 
 
 def test_state_of_no_generator(trained):
     saved, trainer = trained
-    garbage = torch.full_like(saved["simulation"]["generator"], 255)
-    message = refusal(changed(saved, ("simulation", "generator"), garbage), trainer)
-    assert "'simulation.generator' is no state of a generator" in message
+    garbage = torch.full_like(saved["collector"]["generator"], 255)
+    message = refusal(changed(saved, ("collector", "generator"), garbage), trainer)
+    assert "'collector.generator' is no state of a generator" in message
 
 
 def test_of_several_policies_each_is_checked(tiny, tmp_path):

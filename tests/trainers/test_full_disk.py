@@ -12,7 +12,8 @@ from rich.console import Console
 
 from iout_marl import InputError
 from iout_marl.files import write_atomically
-from trainers import saving, train
+from trainers import train
+from trainers.runs import saving
 
 #: As on a disk with so many bytes left for each file: writes fail, no signal comes.
 LIMITED = """

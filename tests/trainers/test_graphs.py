@@ -1,4 +1,4 @@
-"""Recorded training is eager training: as CUDA graphs, and as their emulation on the CPU."""
+"""Captured training is eager training: as CUDA graphs, and as their emulation on the CPU."""
 
 import io
 import itertools
@@ -14,12 +14,13 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_flatten
 
 from iout_marl.errors import InputError
-from trainers import Trainer, graphs, rollout
-from trainers.adam import Adam
-from trainers.graphs import Recorded
-from trainers.group import Group
-from trainers.laps import Laps
+from trainers import Trainer, collector
+from trainers.accel import graphs
+from trainers.accel.graphs import CapturedFunction
+from trainers.accel.processes import ProcessGroup
 from trainers.networks import ActorCritic
+from trainers.optimizers import Adam
+from trainers.timing import PhaseTimer
 
 VARIANTS = {
     **ON_ACCELERATORS,
@@ -73,7 +74,7 @@ def scenario(request, tiny):
 
 @pytest.fixture
 def on_torch(monkeypatch):
-    monkeypatch.setattr(rollout, "NUMPY_DEVICES", ())
+    monkeypatch.setattr(collector, "NUMPY_DEVICES", ())
 
 
 @pytest.fixture
@@ -138,17 +139,17 @@ def test_rollouts_of_other_lengths_do_not_disturb_what_is_recorded(tiny, emulate
     trainers = [Trainer(tiny(), 3, use_graphs=use) for use in (False, True)]
     for trainer in trainers:
         for slots in (7, 20, 7, 1):
-            trainer.simulation.collect(trainer.network, slots, use_mask=False)
+            trainer.collector.collect(trainer.network, slots, use_mask=False)
             trainer.iterate()
     assert_equal(*trainers)
 
 
 def test_metrics_of_episodes_outlive_the_next_rollout(tiny, emulated):
     trainer = Trainer(tiny())
-    first = trainer.simulation.collect(trainer.network, 20, use_mask=False)
+    first = trainer.collector.collect(trainer.network, 20, use_mask=False)
     (metrics,), terms = first.episodes, first.reward_terms
     before = {k: v.item() for k, v in {**metrics, **terms}.items()}
-    second = trainer.simulation.collect(trainer.network, 20, use_mask=False)
+    second = trainer.collector.collect(trainer.network, 20, use_mask=False)
     assert second.inputs is first.inputs
     assert before == {k: v.item() for k, v in {**metrics, **terms}.items()}
     assert before["mean_aoi"] != second.episodes[0]["mean_aoi"].item()
@@ -156,11 +157,10 @@ def test_metrics_of_episodes_outlive_the_next_rollout(tiny, emulated):
 
 @pytest.mark.usefixtures("emulated")
 def test_processes_of_a_group_record_nothing(tiny):
-    group = Group()
+    group = ProcessGroup()
     group.size = 2
     trainer = Trainer(tiny(), group=group)
-    assert trainer.simulation._new_graph is None
-    assert trainer._new_graph is None
+    assert not trainer.runtime.captures
 
 
 def test_world_on_numpy_is_not_recorded(tiny, monkeypatch):
@@ -187,7 +187,7 @@ def test_a_number_of_python_stays_what_it_was_when_recorded(tiny, monkeypatch, e
 
 def test_recording_has_no_effect_and_each_call_has_one():
     total = torch.zeros(())
-    add = Recorded(lambda x: total.add_(x) * 2, EmulatedGraph(None))
+    add = CapturedFunction(lambda x: total.add_(x) * 2, EmulatedGraph, None)
     results = [add(torch.tensor(x)) for x in (1.0, 2.0, 3.0)]
     assert total == 6
     assert results[1] is results[2]
@@ -201,13 +201,13 @@ def test_a_name_that_leads_elsewhere_is_not_followed():
         counts.append(counts[-1] + 1)
         return counts[-1]
 
-    counting = Recorded(count, EmulatedGraph(None))
+    counting = CapturedFunction(count, EmulatedGraph, None)
     assert [counting().item() for _ in range(4)] == [1, 2, 2, 2]
 
 
 def test_memory_that_was_given_back_is_missed():
     kept = {"now": torch.zeros(3)}
-    recorded = Recorded(lambda: kept["now"] + 1, EmulatedGraph(None))
+    recorded = CapturedFunction(lambda: kept["now"] + 1, EmulatedGraph, None)
     recorded(), recorded(), recorded()
     kept["now"] = torch.zeros(3)
     with pytest.raises(MemoryGoneError):
@@ -228,7 +228,7 @@ def test_memory_that_was_given_back_is_missed():
     ids=["numbers", "indices", "a number asked for", "a mask", "noise", "in place", "counts"],
 )
 def test_what_a_graph_cannot_hold_is_refused(refused, why):
-    recorded, x = Recorded(refused, EmulatedGraph(None)), torch.ones(2)
+    recorded, x = CapturedFunction(refused, EmulatedGraph, None), torch.ones(2)
     recorded(x)
     with pytest.raises(InputError, match=f"CUDA graphs .*{why}.*; --no-graphs trains without"):
         recorded(x)
@@ -236,13 +236,13 @@ def test_what_a_graph_cannot_hold_is_refused(refused, why):
 
 def test_what_made_a_recording_fail_is_told():
     class Failing(EmulatedGraph):
-        def record(self, function):
+        def capture(self, function):
             try:
-                return super().record(function)
+                return super().capture(function)
             finally:
                 raise RuntimeError("operation failed due to a previous error during capture")
 
-    recorded, x = Recorded(lambda x: x[x > 0], Failing(None)), torch.ones(2)
+    recorded, x = CapturedFunction(lambda x: x[x > 0], Failing, None), torch.ones(2)
     recorded(x)
     with pytest.raises(InputError, match="aten::index"):
         recorded(x)
@@ -257,22 +257,27 @@ def test_a_first_call_that_was_interrupted_is_made_again():
             raise KeyboardInterrupt
         return x + 1
 
-    graph = EmulatedGraph(None)
-    recorded = Recorded(interrupted_once, graph)
+    graphs_made = []
+
+    def new_graph(device):
+        graphs_made.append(EmulatedGraph(device))
+        return graphs_made[-1]
+
+    recorded = CapturedFunction(interrupted_once, new_graph, None)
     with pytest.raises(KeyboardInterrupt):
         recorded(torch.zeros(()))
     assert [recorded(torch.tensor(float(x))).item() for x in (1, 2, 3)] == [2, 3, 4]
-    assert graph.replays == 2
+    assert graphs_made[-1].replays == 2
 
 
 def test_a_state_that_was_loaded_lies_in_memory_as_a_fresh_one(tiny, emulated):
     trainer = Trainer(tiny(), 3)
-    fresh = trainer.simulation.state.map(lambda tensor: tensor.stride())
+    fresh = trainer.collector.state.map(lambda tensor: tensor.stride())
     iterated(trainer, 2)
-    kept = trainer.simulation.state
+    kept = trainer.collector.state
     trainer.load_state_dict(trainer.state_dict())
-    assert trainer.simulation.state is kept
-    assert trainer.simulation.state.map(lambda tensor: tensor.stride()) == fresh
+    assert trainer.collector.state is kept
+    assert trainer.collector.state.map(lambda tensor: tensor.stride()) == fresh
 
 
 # What is recorded works on the device alone. Tensors of the device `meta` have no numbers, but
@@ -334,23 +339,21 @@ def work_elsewhere(scenario, replicas):
     """Does all that is recorded once, on `META`."""
     trainer = Trainer(scenario, 3, replicas=replicas, use_graphs=False)
     trainer.iterate_all()
-    trainer.optimizer = Adam(
-        list(trainer.network.parameters()), 1e-5, trainer.simulation.replicas, is_recorded=True
-    )
     settings = trainer.settings
-    course = trainer.simulation._begun(
+    storage, _ = trainer.collector._allocate(
         trainer.network, settings.rollout_slots, use_mask=settings.mask_actions
     )
-    orders = torch.stack([trainer._order(course.rollout.value.numel() // replicas)])
+    orders = torch.stack(list(trainer.minibatches.orders(settings.rollout_slots)))
     rate = torch.zeros((), dtype=torch.float64)
-    trainer, course, orders, rate = Elsewhere().copy((trainer, course, orders, rate))
-    simulation, network = trainer.simulation, trainer.network
+    trainer, storage, orders, rate = Elsewhere().copy((trainer, storage, orders, rate))
+    collecting, network = trainer.collector, trainer.network
     with StaysThere():
         with torch.no_grad():
-            simulation._go_on_from(simulation._play(network, course, course.row, Laps()))
-            simulation._play(network, course, course.row, Laps())
-            simulation._judge(network, course.rollout)
-        figures = trainer._learn(course.rollout, orders, rate)
+            row, timer = storage.row, PhaseTimer()
+            collecting._set_state(collecting._collect_slot(network, storage, row, timer))
+            collecting._collect_slot(network, storage, row, timer)
+            collecting._compute_values(network, storage.rollout)
+        figures = trainer._update(storage.rollout, orders, rate)
     assert len(figures) == 8
 
 

@@ -94,7 +94,7 @@ def test_loss_is_the_sum_of_its_terms(tiny):
 def test_losses_are_those_of_the_clipped_surrogate(tiny):
     scenario = tiny({"training.clip": 0.1, "training.mask_actions": True})
     trainer, _ = trained(scenario, iterations=1)
-    rollout = trainer.simulation.collect(trainer.network, 10, use_mask=True)
+    rollout = trainer.collector.collect(trainer.network, 10, use_mask=True)
     rng = np.random.default_rng(0)
     samples = rollout.value.numel()
     batch = {
@@ -109,7 +109,7 @@ def test_losses_are_those_of_the_clipped_surrogate(tiny):
     raw = torch.from_numpy(rng.normal(3, 2, samples)).float()
     (batch["advantage"],) = trainer._normalised(raw, [(torch.arange(samples), samples)])
     with torch.no_grad():
-        scores = trainer.network.scores(batch["inputs"], batch["mask"])
+        scores = trainer.network.logits(batch["inputs"], batch["mask"])
         policy = trainer.network.log_probabilities(scores)
         value = trainer.network.normalised_value(batch["inputs"])
         now = trainer.network.log_probability(policy, batch["action"])
@@ -266,7 +266,7 @@ def test_trained_policy_plays_as_its_network_does_in_the_environment(tiny, chang
             masks = np.stack([infos[a]["action_mask"] for a in env.agents]) > 0
             mask = torch.from_numpy(masks) if use_mask else None
             with torch.no_grad():
-                scores = network.scores(network.scaler(stacked), mask)
+                scores = network.logits(network.scaler(stacked), mask)
             chosen = scores.argmax(-1).numpy()
             actions = dict(zip(env.agents, chosen, strict=True))
             observations, rewards, _, _, infos = env.step(actions)

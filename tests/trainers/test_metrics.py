@@ -9,7 +9,7 @@ from rich.console import Console
 from iout_marl import InputError
 from iout_marl.study.worker import CURVES, _curve
 from trainers import train
-from trainers.metrics import read_rows, row
+from trainers.runs.metrics import read_rows, row
 
 GOOD = [{"env_steps": 80, "aoi/mean": 3.5}, {"env_steps": 160, "aoi/mean": None}]
 DAMAGED = {

@@ -8,16 +8,27 @@ from torch.distributions import Categorical
 
 from iout_marl import evaluate
 from trainers import Trainer, train
-from trainers.group import Group
+from trainers.accel.processes import ProcessGroup
 from trainers.moments import Moments
-from trainers.networks import ActorCritic, Scaler, uniform_noise
+from trainers.networks import ActorCritic, Scaler, perceptron, uniform_noise
 
 SIZES = (6, 3, 2)
 
 
+def unit_scaler():
+    return Scaler(torch.zeros(4), torch.ones(4), 10.0)
+
+
+def untrained(scaler, sizes, hidden_units, activation, **more):
+    entries = len(scaler.shift)
+    actor = perceptron(entries, hidden_units, len(sizes) * max(sizes), activation, 0.01)
+    critic = perceptron(entries, hidden_units, 1, activation, 1.0)
+    return ActorCritic(scaler, sizes, actor, critic, **more)
+
+
 def network(activation="tanh", sizes=SIZES):
     torch.manual_seed(0)
-    made = ActorCritic(Scaler(torch.zeros(4), torch.ones(4), 10.0), sizes, (8, 8), activation)
+    made = untrained(unit_scaler(), sizes, (8, 8), activation)
     with torch.no_grad():  # policies worth the name, far from uniform
         made.actor[-1].weight *= 100
     return made
@@ -43,7 +54,11 @@ MASKS = {
 
 def moments(values):
     """Of (…, entries) values, over all but the entries."""
-    return Moments.of(values, tuple(range(values.ndim - 1)), Group())
+    return Moments.from_values(values, tuple(range(values.ndim - 1)), ProcessGroup())
+
+
+def moments_of(returns):
+    return Moments.from_values(torch.as_tensor(returns), (0,), ProcessGroup())
 
 
 def distributions(net, x, mask):
@@ -61,7 +76,7 @@ def distributions(net, x, mask):
 class TestAgainstCategorical:
     def test_log_probability(self, mask, activation):
         net, x = network(activation), inputs(50, 2)
-        ours = net.log_probabilities(net.scores(x, mask))
+        ours = net.log_probabilities(net.logits(x, mask))
         theirs = distributions(net, x, mask)
         action = torch.stack([d.sample() for d in theirs], -1)
         expected = sum(d.log_prob(a) for d, a in zip(theirs, action.unbind(-1), strict=True))
@@ -69,7 +84,7 @@ class TestAgainstCategorical:
 
     def test_probabilities_of_each_entry(self, mask, activation):
         net, x = network(activation), inputs(7)
-        found = net.log_probabilities(net.scores(x, mask)).exp()
+        found = net.log_probabilities(net.logits(x, mask)).exp()
         assert torch.allclose(found.sum(-1), torch.ones(7, 3))
         for i, expected in enumerate(distributions(net, x, mask)):
             torch.testing.assert_close(found[:, i, : SIZES[i]], expected.probs)
@@ -77,7 +92,7 @@ class TestAgainstCategorical:
 
     def test_choice_is_the_most_probable_one(self, mask, activation):
         net, x = network(activation), inputs(50)
-        found = net.choose(net.scores(x, mask))
+        found = net.greedy_action(net.logits(x, mask))
         expected = torch.stack([d.probs.argmax(-1) for d in distributions(net, x, mask)], -1)
         assert torch.equal(found, expected)
 
@@ -85,9 +100,9 @@ class TestAgainstCategorical:
 def test_mask_differs_by_row():
     net, x = network(), inputs(2, 1)
     mask = torch.stack([MASKS["some"], MASKS["one each"]])[:, None]
-    together = net.log_probabilities(net.scores(x, mask))
+    together = net.log_probabilities(net.logits(x, mask))
     for row in range(2):
-        alone = net.log_probabilities(net.scores(x[row], mask[row]))
+        alone = net.log_probabilities(net.logits(x[row], mask[row]))
         torch.testing.assert_close(together[row], alone, rtol=1e-6, atol=1e-6)
 
 
@@ -96,11 +111,11 @@ def test_masked_choices_are_never_drawn_and_have_zero_probability():
     noise = uniform_noise((20_000, 3), torch.Generator().manual_seed(0))
     noise[:2] = torch.tensor([[2.0**-24], [1.0]])  # the ends of what may be drawn
     mask = MASKS["some"]
-    action, log_probability = net.sample(net.scores(x, mask), noise)
+    action, log_probability = net.sample(net.logits(x, mask), noise)
     allowed = mask.split(SIZES)
     for i, entry in enumerate(action.unbind(-1)):
         assert allowed[i][entry].all()
-    policy = net.log_probabilities(net.scores(x, mask))
+    policy = net.log_probabilities(net.logits(x, mask))
     torch.testing.assert_close(log_probability, net.log_probability(policy, action))
     for i, size in enumerate(SIZES):
         assert (policy[0].exp()[i, :size][~allowed[i]] == 0).all()
@@ -110,7 +125,7 @@ def test_samples_follow_the_probabilities():
     net, x = network(), inputs(1)
     draws = 20_000
     noise = uniform_noise((draws, 3), torch.Generator().manual_seed(0))
-    action, _ = net.sample(net.scores(x).expand(draws, 3, 6), noise)
+    action, _ = net.sample(net.logits(x).expand(draws, 3, 6), noise)
     for i, expected in enumerate(distributions(net, x, None)):
         counts = np.bincount(action[:, i].numpy(), minlength=SIZES[i])
         probabilities = expected.probs[0].detach().double().numpy()
@@ -127,14 +142,14 @@ def test_noise_is_seeded_and_never_0():
 
 def test_untrained_policy_is_all_but_uniform():
     torch.manual_seed(0)
-    net = ActorCritic(Scaler(torch.zeros(4), torch.ones(4), 10.0), SIZES, (64, 64), "tanh")
-    found = net.log_probabilities(net.scores(inputs(100))).exp()
+    net = untrained(unit_scaler(), SIZES, (64, 64), "tanh")
+    found = net.log_probabilities(net.logits(inputs(100))).exp()
     for i, size in enumerate(SIZES):
         assert (found[:, i, :size] - 1 / size).abs().max() < 0.02
 
 
 def test_hidden_units_and_activation_are_those_asked_for():
-    net = ActorCritic(Scaler(torch.zeros(4), torch.ones(4), 10.0), SIZES, (5, 7), "relu")
+    net = untrained(unit_scaler(), SIZES, (5, 7), "relu")
     for part in (net.actor, net.critic):
         assert [m.out_features for m in part if isinstance(m, torch.nn.Linear)][:-1] == [5, 7]
         assert sum(isinstance(m, torch.nn.ReLU) for m in part) == 2
@@ -143,7 +158,7 @@ def test_hidden_units_and_activation_are_those_asked_for():
 def test_value_in_the_units_of_returns():
     net, x = network(), inputs(5)
     net.return_mean.fill_(-30.0)
-    net.return_spread.fill_(4.0)
+    net.return_std.fill_(4.0)
     torch.testing.assert_close(net.value(x), net.normalised_value(x) * 4 - 30)
     torch.testing.assert_close(net.normalised_return(net.value(x)), net.normalised_value(x))
 
@@ -151,23 +166,27 @@ def test_value_in_the_units_of_returns():
 def test_following_returns_preserves_all_values():
     net, x = network(), inputs(200)
     rng = np.random.default_rng(0)
-    net.follow_returns(Moments.of(torch.from_numpy(rng.normal(-30, 5, 1000)), (0,), Group()))
+    net.update_popart(
+        Moments.from_values(torch.from_numpy(rng.normal(-30, 5, 1000)), (0,), ProcessGroup())
+    )
     for mean, spread in ((-30, 5), (-10, 1), (50, 20), (0, 1e-3)):
         before = net.value(x)
-        net.follow_returns(
-            Moments.of(torch.from_numpy(rng.normal(mean, spread, 1000)), (0,), Group())
+        net.update_popart(
+            Moments.from_values(
+                torch.from_numpy(rng.normal(mean, spread, 1000)), (0,), ProcessGroup()
+            )
         )
         torch.testing.assert_close(net.value(x), before, rtol=1e-4, atol=1e-3)
 
 
 def test_following_returns_starts_at_the_first_and_moves_by_a_tenth():
     net = network()
-    net.follow_returns(Moments.of(torch.tensor([1.0, 3.0]), (0,), Group()))
+    net.update_popart(moments_of([1.0, 3.0]))
     assert net.return_mean.item() == 2
-    assert net.return_spread.item() == pytest.approx(1)
-    net.follow_returns(Moments.of(torch.tensor([12.0, 12.0]), (0,), Group()))
+    assert net.return_std.item() == pytest.approx(1)
+    net.update_popart(moments_of([12.0, 12.0]))
     assert net.return_mean.item() == pytest.approx(3)
-    assert net.return_spread.item() == pytest.approx(0.9 + 0.1 * 1e-4)
+    assert net.return_std.item() == pytest.approx(0.9 + 0.1 * 1e-4)
 
 
 def test_fixed_scaler_shifts_divides_and_clamps():
@@ -218,7 +237,7 @@ class TestNodeNetwork:
         torch.manual_seed(0)
         entries = (slice(1, 3), slice(3, 5)) if extra else None
         scaler = Scaler(torch.zeros(6), torch.ones(6), 10.0)
-        made = ActorCritic(scaler, sizes, (8,), "tanh", node_entries=entries)
+        made = untrained(scaler, sizes, (8,), "tanh", node_entries=entries)
         if extra:
             with torch.no_grad():
                 made.node_actor[-1].weight *= 100
@@ -227,7 +246,7 @@ class TestNodeNetwork:
     def test_adds_the_same_function_of_age_and_energy_to_each_node(self):
         net = self.network()
         x = torch.randn(5, 6, generator=torch.Generator().manual_seed(1))
-        added = net.scores(x) - net.actor(x).unflatten(-1, (3, 6)) - net.padding
+        added = net.logits(x) - net.actor(x).unflatten(-1, (3, 6)) - net.padding
         assert torch.equal(added[:, 0], torch.zeros(5, 6))
         for node in (0, 1):
             expected = net.node_actor(x[:, [1 + node, 3 + node]])
@@ -238,7 +257,7 @@ class TestNodeNetwork:
         x = torch.randn(5, 6, generator=torch.Generator().manual_seed(1))
         swapped = x[:, [0, 2, 1, 4, 3, 5]]
         added, other = (
-            net.scores(v)[:, 1:, :2] - net.actor(v).unflatten(-1, (3, 6))[:, 1:, :2]
+            net.logits(v)[:, 1:, :2] - net.actor(v).unflatten(-1, (3, 6))[:, 1:, :2]
             for v in (x, swapped)
         )
         torch.testing.assert_close(added, other.flip(-1))
@@ -248,8 +267,8 @@ class TestNodeNetwork:
         torch.manual_seed(0)
         scaler = Scaler(torch.zeros(21), torch.ones(21), 10.0)
         entries = (slice(3, 12), slice(12, 21))
-        net = ActorCritic(scaler, (6, 9), (8,), "tanh", node_entries=entries)
-        policy = net.log_probabilities(net.scores(torch.randn(4, 21))).exp()
+        net = untrained(scaler, (6, 9), (8,), "tanh", node_entries=entries)
+        policy = net.log_probabilities(net.logits(torch.randn(4, 21))).exp()
         assert policy.shape == (4, 2, 9)
         torch.testing.assert_close(policy[:, 0, :6].sum(-1), torch.ones(4))
         torch.testing.assert_close(policy[:, 1].sum(-1), torch.ones(4))
@@ -258,6 +277,6 @@ class TestNodeNetwork:
         scenario = tiny({"training.node_network": True, "auvs.count": 2})
         run = train(scenario, tmp_path / "run", evaluation_episodes=1).run
         policy = run.load_policy()
-        last = Trainer(scenario).network.node_actor[-1].weight
+        last = Trainer(scenario).weights()["node_actor.2.weight"]
         assert not torch.allclose(policy.network.node_actor[-1].weight, last)
         assert evaluate(scenario, policy, 1).episodes == 1

@@ -17,9 +17,8 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from iout_marl import InputError
 from iout_marl.scenario import Training
-from trainers import DivergedError, RunFolder, Trainer, saving, train
-
-training = sys.modules["trainers.train"]  # its name is also that of a function
+from trainers import DivergedError, RunFolder, Trainer, train, training
+from trainers.runs import saving
 
 RANDOM_NODES = {"kind": "random", "count": 2}
 SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
@@ -315,14 +314,14 @@ def test_steps_that_are_no_multiple_of_a_rollout(tmp_path, run, monkeypatch, ste
 
 
 def test_signal_before_the_first_iteration(tmp_path, run, monkeypatch):
-    begin = training.TrainingLog.__enter__
+    begin = training.TrainingLog.on_start
 
-    def stop_and_begin(log):
+    def stop_and_begin(log, going):
         signal.raise_signal(signal.SIGTERM)
-        return begin(log)
+        begin(log, going)
 
     with monkeypatch.context() as patch:
-        patch.setattr(training.TrainingLog, "__enter__", stop_and_begin)
+        patch.setattr(training.TrainingLog, "on_start", stop_and_begin)
         stopped = run(tmp_path / "stopped")
     assert (stopped.finished, stopped.signal) == (False, signal.SIGTERM)
     assert stopped.trainer.env_steps == 0

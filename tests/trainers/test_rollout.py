@@ -1,13 +1,17 @@
 """What a rollout stores, against stepping the world again by hand."""
 
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 import torch
 
 from iout_marl import World
 from iout_marl.world import State, node_codes
+from trainers.accel import Runtime
+from trainers.collector import Collector
 from trainers.factory import make_network
-from trainers.rollout import Simulation
+from trainers.networks import stacked
 
 ENVS = 3
 RANDOM_NODES = {"nodes": {"kind": "random", "count": 2}, "observation.node_positions": True}
@@ -36,17 +40,31 @@ SCENARIOS = {
 
 @pytest.fixture(params=SCENARIOS.values(), ids=list(SCENARIOS))
 def setup(request, tiny):
-    return simulation_of(tiny(request.param))
+    return collector_of(tiny(request.param))
 
 
-def simulation_of(scenario, seed=4):
-    simulation = Simulation([scenario], ENVS, torch.device("cpu"), [seed])
+def collector_of(scenario, seed=4):
+    collector = Collector([scenario], ENVS, [seed], Runtime())
     torch.manual_seed(0)
-    world = simulation.world
+    world = collector.world
     network = make_network(world.observer, world.action_sizes, scenario.training)
     network.return_mean.fill_(-7.0)
-    network.return_spread.fill_(3.0)
-    return simulation, network
+    network.return_std.fill_(3.0)
+    return collector, network
+
+
+def collect(collector, network, slots, *, use_mask):
+    """A rollout of a lone policy, without the axis of policies."""
+    found = collector.collect(stacked([network]), slots, use_mask=use_mask)
+
+    def alone(value):
+        if isinstance(value, torch.Tensor) and value.ndim > 1:
+            return value[:, 0]
+        return {k: v[0] for k, v in value.items()} if isinstance(value, dict) else value
+
+    kept = {field.name: alone(getattr(found, field.name)) for field in fields(found)}
+    kept["episodes"] = [alone(episode) for episode in found.episodes]
+    return replace(found, **kept)
 
 
 def replay(scenario, rollouts, network, seed=4):
@@ -99,16 +117,19 @@ def value(network, observation, for_critic):
 
 @pytest.mark.parametrize("slots", [[20, 20], [7, 7, 7, 7], [50], [1] * 25])
 def test_equals_a_replay(setup, slots):
-    simulation, network = setup
-    rollouts = [simulation.collect(network, n, use_mask=False) for n in slots]
-    replayed = replay(simulation.world.scenario, rollouts, network)
+    collector, network = setup
+    rollouts = [collect(collector, network, n, use_mask=False) for n in slots]
+    replayed = replay(collector.world.scenario, rollouts, network)
     for rollout, (observation, state), reward, after, ended in replayed:
-        assert torch.equal(rollout.observation, observation)
+        if network.scaler.running:
+            assert torch.equal(rollout.observation, observation)
+        else:
+            assert rollout.observation is None
         assert torch.equal(rollout.inputs, network.scaler(observation))
         torch.testing.assert_close(rollout.reward, reward, rtol=1e-6, atol=1e-6)
         assert rollout.truncated.tolist() == list(ended)
         with torch.no_grad():
-            policy = network.log_probabilities(network.scores(network.scaler(observation)))
+            policy = network.log_probabilities(network.logits(network.scaler(observation)))
             expected = network.log_probability(policy, rollout.action)
             torch.testing.assert_close(rollout.log_probability, expected)
             torch.testing.assert_close(rollout.value, value(network, observation, state))
@@ -120,18 +141,18 @@ def test_equals_a_replay(setup, slots):
 @pytest.mark.parametrize("central", [True, False])
 def test_what_the_critic_sees_lies_within_its_ranges_and_uses_them(tiny, kind, central):
     changes = {"auvs.count": 2, "observation.kind": kind, "reward.credit": "difference"}
-    simulation, network = simulation_of(tiny(changes))
-    observer = simulation.world.observer
+    collector, network = collector_of(tiny(changes))
+    observer = collector.world.observer
     ranges = observer.critic_ranges(central=central)
     highest = np.zeros(len(ranges.low))
-    for _ in range(simulation.world.num_slots - 1):
-        simulation.collect(network, 1, use_mask=False)
-        seen = observer.observe_for_critic(simulation.state, central=central)
+    for _ in range(collector.world.num_slots - 1):
+        collect(collector, network, 1, use_mask=False)
+        seen = observer.observe_for_critic(collector.state, central=central)
         assert (seen >= ranges.low).all()
         assert (seen <= ranges.high).all()
         highest = np.maximum(highest, (seen / ranges.scale).max((0, 1)))
     # Of ages and counts without this AUV, the last 2K entries, none is lost in the scale.
-    num_nodes = simulation.world.num_nodes
+    num_nodes = collector.world.num_nodes
     assert (highest[-2 * num_nodes :] > 0.2).all()
 
 
@@ -145,44 +166,44 @@ def test_what_the_critic_sees_lies_within_its_ranges_and_uses_them(tiny, kind, c
     ],
 )
 def test_flags_tell_where_episodes_end_whatever_the_length_of_a_rollout(tiny, slots, ends):
-    simulation, network = simulation_of(tiny())
+    collector, network = collector_of(tiny())
     for expected in ends:
-        rollout = simulation.collect(network, slots, use_mask=False)
+        rollout = collect(collector, network, slots, use_mask=False)
         assert [t for t, ended in enumerate(rollout.truncated) if ended] == expected
         assert len(rollout.episodes) == len(expected)
 
 
 def test_next_value_of_a_last_slot_is_not_that_of_the_next_episode(tiny):
-    simulation, network = simulation_of(tiny())
-    rollout = simulation.collect(network, 40, use_mask=False)
+    collector, network = collector_of(tiny())
+    rollout = collect(collector, network, 40, use_mask=False)
     assert not torch.allclose(rollout.next_value[19], rollout.value[20])
     assert torch.equal(rollout.next_value[18], rollout.value[19])
 
 
 def test_layouts_are_drawn_anew_for_every_episode(tiny):
-    simulation, network = simulation_of(tiny(RANDOM_NODES))
-    rollout = simulation.collect(network, 60, use_mask=False)
-    nodes = rollout.observation[..., -6:]
+    collector, network = collector_of(tiny(RANDOM_NODES))
+    rollout = collect(collector, network, 60, use_mask=False)
+    nodes = rollout.inputs[..., -6:]
     assert torch.equal(nodes[0], nodes[19])
     assert not torch.equal(nodes[19], nodes[20])
     assert not torch.equal(nodes[0, 0], nodes[0, 1])
 
 
 def test_metrics_are_those_of_whole_episodes(tiny):
-    simulation, network = simulation_of(tiny())
-    first = simulation.collect(network, 13, use_mask=False)
-    second = simulation.collect(network, 7, use_mask=False)
+    collector, network = collector_of(tiny({"training.observation_scaling": "running"}))
+    first = collect(collector, network, 13, use_mask=False)
+    second = collect(collector, network, 7, use_mask=False)
     assert first.episodes == []
     ages = torch.cat([first.observation, second.observation])[1:, ..., 3:5].mean((1, 2, 3))
     (metrics,) = second.episodes
-    last = simulation.world.scenario.num_slots
+    last = collector.world.scenario.num_slots
     whole = (ages.sum() + metrics["final_aoi"]) / last
     assert metrics["mean_aoi"] == pytest.approx(whole.item(), rel=1e-5)
 
 
 def test_terms_of_the_reward_add_up(tiny):
-    simulation, network = simulation_of(tiny({"reward.kind": "paper"}))
-    rollout = simulation.collect(network, 33, use_mask=False)
+    collector, network = collector_of(tiny({"reward.kind": "paper"}))
+    rollout = collect(collector, network, 33, use_mask=False)
     assert len(rollout.reward_terms) > 1
     total = sum(rollout.reward_terms.values())
     assert total == pytest.approx(rollout.reward.mean().item(), rel=1e-5)
@@ -190,42 +211,42 @@ def test_terms_of_the_reward_add_up(tiny):
 
 @pytest.mark.parametrize("changes", [{}, {"duplex.kind": "tdd"}], ids=["fdd", "tdd"])
 def test_masked_actions_are_never_taken(tiny, changes):
-    simulation, network = simulation_of(tiny(changes))
-    rollout = simulation.collect(network, 60, use_mask=True)
-    masks = rollout.mask.split(simulation.world.action_sizes, dim=-1)
+    collector, network = collector_of(tiny(changes))
+    rollout = collect(collector, network, 60, use_mask=True)
+    masks = rollout.mask.split(collector.world.action_sizes, dim=-1)
     assert not masks[0].all(), "the mask forbids nothing"
     for mask, choice in zip(masks, rollout.action.unbind(-1), strict=True):
         assert mask.gather(-1, choice[..., None]).all()
     with torch.no_grad():
-        policy = network.log_probabilities(network.scores(rollout.inputs, rollout.mask))
+        policy = network.log_probabilities(network.logits(rollout.inputs, rollout.mask))
     expected = network.log_probability(policy, rollout.action)
     torch.testing.assert_close(rollout.log_probability, expected)
 
 
 def test_actions_are_samples_of_the_policy(tiny):
-    simulation, network = simulation_of(tiny())
-    rollout = simulation.collect(network, 400, use_mask=False)
+    collector, network = collector_of(tiny())
+    rollout = collect(collector, network, 400, use_mask=False)
     direction = np.bincount(rollout.action[..., 0].flatten().numpy(), minlength=6)
     assert (direction > 0.1 * direction.sum()).all()
 
 
-def test_simulation_goes_on_from_its_state(tiny):
-    whole, network = simulation_of(tiny(RANDOM_NODES))
-    whole.collect(network, 13, use_mask=False)
-    other, _ = simulation_of(tiny(RANDOM_NODES), seed=99)
+def test_collector_continues_from_its_state(tiny):
+    whole, network = collector_of(tiny(RANDOM_NODES))
+    collect(whole, network, 13, use_mask=False)
+    other, _ = collector_of(tiny(RANDOM_NODES), seed=99)
     other.load_state_dict([whole.state_dict()])
     for slots in (13, 13):
-        first = whole.collect(network, slots, use_mask=False)
-        second = other.collect(network, slots, use_mask=False)
-        assert torch.equal(first.observation, second.observation)
+        first = collect(whole, network, slots, use_mask=False)
+        second = collect(other, network, slots, use_mask=False)
+        assert torch.equal(first.inputs, second.inputs)
         assert torch.equal(first.action, second.action)
 
 
 def test_state_is_a_snapshot(tiny):
-    simulation, network = simulation_of(tiny())
-    saved = simulation.state_dict()
+    collector, network = collector_of(tiny())
+    saved = collector.state_dict()
     before = {k: v.clone() for k, v in saved["state"].items()}
-    simulation.collect(network, 13, use_mask=False)
+    collect(collector, network, 13, use_mask=False)
     assert all(torch.equal(saved["state"][k], v) for k, v in before.items())
     # No metrics of users are registered, which alone are summed over slots.
     assert set(before) == set(State._fields) - {"sums"}

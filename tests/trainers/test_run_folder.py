@@ -15,8 +15,8 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from iout_marl import InputError, evaluate, load_scenario
 from trainers import RunFolder, Trainer, find_device, train
-from trainers.loading import load_run
-from trainers.saving import NAMES
+from trainers.runs.loading import load_run
+from trainers.runs.saving import NAMES
 
 #: What of a save shows that something was learnt.
 RESULTS = [*NAMES[1:], "run.json"]
@@ -84,8 +84,9 @@ class TestContents:
         assert shape["action_sizes"] == [6, 2, 2]
         assert shape["observation_entries"] == 3 + 2 + 2
         assert shape["hidden_units"] == [8]
+        assert shape["network"] == "mlp"
         weights = safetensors.torch.load_file(finished.run.path / "policy.safetensors")
-        for name, tensor in finished.trainer.network.state_dict().items():
+        for name, tensor in finished.trainer.weights().items():
             assert torch.equal(weights[name], tensor)
 
     def test_checkpoint_holds_plain_data_alone(self, finished):
@@ -112,8 +113,8 @@ class TestContents:
     def test_terms_of_the_papers_reward_have_tags(self, tiny, tmp_path):
         trainer = Trainer(tiny({"reward.kind": "paper"}))
         terms = {tag for tag in trainer.iterate() if tag.startswith("reward/")}
-        world = trainer.simulation.world
-        state, events = world.step(trainer.simulation.state, np.zeros((4, 1, 3), dtype=int))
+        world = trainer.collector.world
+        state, events = world.step(trainer.collector.state, np.zeros((4, 1, 3), dtype=int))
         expected = {f"reward/{name}" for name in world.reward_terms(state, events)}
         assert terms == expected | {"reward/total"}
         assert len(terms) > 2
@@ -224,7 +225,7 @@ class TestResuming:
             ({"world_version": 99}, "is of another version of this software"),
             ({"trainer": {}}, "cannot be read"),
             ({"trainer": 3}, "cannot be read"),
-            ({"trainer": {"simulation": {"generator": 3}}}, "cannot be read"),
+            ({"trainer": {"collector": {"generator": 3}}}, "cannot be read"),
         ],
     )
     def test_checkpoint_of_another_making(self, folder, tiny, changes, expected):

@@ -14,8 +14,9 @@ from rich.console import Console
 
 from iout_marl import InputError, evaluate
 from iout_marl.files import user_path
-from trainers import RunFolder, Trainer, saving, train
-from trainers.loading import load_run
+from trainers import RunFolder, Trainer, train
+from trainers.runs import saving
+from trainers.runs.loading import load_run
 
 #: Run folders as version 0.1 wrote them, without a manifest.
 FORMAT_2 = Path(__file__).parent / "format-2"

@@ -2,7 +2,6 @@
 
 import dataclasses
 import io
-import sys
 import tempfile
 from types import SimpleNamespace
 
@@ -13,9 +12,7 @@ from tiny_study import with_training
 
 from iout_marl import InputError
 from iout_marl.study.worker import run_cell
-from trainers import train
-
-training = sys.modules["trainers.train"]  # its name is also that of a function
+from trainers import train, training
 
 
 @pytest.mark.parametrize(

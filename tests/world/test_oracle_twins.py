@@ -30,7 +30,7 @@ def played():
         for registry in registries()
         if registry.base is not None and issubclass(registry.base, Part)
         for entry in registry
-        if not entry.is_outside
+        if not entry.is_outside and entry.item.is_of_world
     ],
 )
 def test_a_twin_has_played(played, role, kind):

@@ -11,12 +11,12 @@ import torch
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario
 from iout_marl.world import pin_layout
-from trainers import saving
-from trainers.checking import check_origin, check_state
-from trainers.group import Group
-from trainers.loading import differences
+from trainers.accel.processes import ProcessGroup
 from trainers.ppo import Trainer
-from trainers.run_folder import RunFolder, readable
+from trainers.runs import saving
+from trainers.runs.checking import check_origin, check_state
+from trainers.runs.folder import RunFolder, readable
+from trainers.runs.loading import differences
 
 #: Settings that a resumed run may change.
 CHANGEABLE = ("training.steps", "training.checkpoint_steps")
@@ -88,7 +88,7 @@ def resumed(
     runs: Sequence[RunFolder],
     scenario: Scenario,
     device: torch.device,
-    group: Group,
+    group: ProcessGroup,
     *,
     is_together: bool,
     use_graphs: bool,

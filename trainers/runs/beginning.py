@@ -17,7 +17,7 @@ from pathlib import Path
 
 from iout_marl.errors import InputError
 from iout_marl.files import reason
-from trainers.saving import MANIFEST, NAMES, begun, fsync_folder, part
+from trainers.runs.saving import MANIFEST, NAMES, begun, fsync_folder, part
 
 
 def refuse_what_is_no_runs(manifest: Path, logs: Iterable[str] = ()) -> None:

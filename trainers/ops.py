@@ -1,8 +1,8 @@
 """The two functions that a training step spends its time in, with gradients by hand.
 
 Both keep the samples along the last axis of memory, where the processor takes many at once,
-and write over what they have made themselves. Their plain counterparts, which autograd
-differentiates, stand in the tests.
+and write over what they have made themselves. Beside each stands the plain function that it
+computes, `reference_…`, which autograd differentiates and the tests compare it with.
 """
 
 from __future__ import annotations
@@ -36,6 +36,16 @@ def perceptron(inputs: Tensor, parameters: Sequence[Tensor], activation: str) ->
     return result
 
 
+def reference_perceptron(inputs: Tensor, parameters: Sequence[Tensor], activation: str) -> Tensor:
+    """`perceptron`, one layer after the other."""
+    result = inputs
+    for i in range(0, len(parameters), 2):
+        result = parameters[i] @ result + parameters[i + 1][..., None]
+        if i + 2 < len(parameters):
+            result = result.tanh() if activation == "tanh" else result.relu()
+    return result
+
+
 def _through_tanh(gradient: Tensor, result: Tensor, grad_input: Tensor) -> None:
     torch.ops.aten.tanh_backward.grad_input(gradient, result, grad_input=grad_input)
 
@@ -50,6 +60,11 @@ _through = {"tanh": _through_tanh, "relu": _through_relu}
 class _Perceptron(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, activation: str, inputs: Tensor, *parameters: Tensor) -> Tensor:
+        # A product of matrices takes less time than a batch of one.
+        ctx.is_lone = inputs.ndim == 3 and len(inputs) == 1
+        if ctx.is_lone:
+            inputs = inputs.squeeze(0)
+            parameters = tuple(each.squeeze(0) for each in parameters)
         seen = [inputs]
         for weight, bias in zip(parameters[::2], parameters[1::2], strict=True):
             result = weight @ seen[-1]
@@ -58,23 +73,28 @@ class _Perceptron(torch.autograd.Function):
                 seen.append(result.tanh_() if activation == "tanh" else result.relu_())
         ctx.activation = activation
         ctx.save_for_backward(*seen, *parameters[::2])
-        return result
+        return result[None] if ctx.is_lone else result
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
         depth = len(ctx.saved_tensors) // 2
         seen, weights = ctx.saved_tensors[:depth], ctx.saved_tensors[depth:]
-        of_parameters: list[Tensor] = []
-        of_inputs = None
+        if ctx.is_lone:
+            gradient = gradient.squeeze(0)
+        by_parameter: list[Tensor] = []
+        by_inputs = None
         for layer in reversed(range(depth)):
-            of_parameters += [gradient.sum(-1), gradient @ seen[layer].mT]
+            by_parameter += [gradient.sum(-1), gradient @ seen[layer].mT]
             if layer > 0:
                 gradient = weights[layer].mT @ gradient
                 _through[ctx.activation](gradient, seen[layer], grad_input=gradient)
             elif ctx.needs_input_grad[1]:
-                of_inputs = weights[0].mT @ gradient
-        return None, of_inputs, *reversed(of_parameters)
+                by_inputs = weights[0].mT @ gradient
+        gradients = (by_inputs, *reversed(by_parameter))
+        if ctx.is_lone:
+            gradients = tuple(None if each is None else each[None] for each in gradients)
+        return None, *gradients
 
 
 class PolicyLoss(NamedTuple):
@@ -88,7 +108,7 @@ class PolicyLoss(NamedTuple):
 
 
 def policy_loss(
-    scores: Tensor,
+    logits: Tensor,
     action: Tensor,
     log_probability: Tensor,
     advantage: Tensor,
@@ -99,7 +119,7 @@ def policy_loss(
     """The clipped surrogate (Schulman et al., 2017) with its entropy bonus.
 
     Args:
-        scores: (…, samples, action entries, width) unnormalised log-probabilities.
+        logits: (…, samples, action entries, width) unnormalised log-probabilities.
         action: (…, samples, action entries) int, the choices made.
         log_probability: (…, samples) of these, by the policy that made them.
         advantage: (…, samples) Â.
@@ -110,7 +130,7 @@ def policy_loss(
     """
     return PolicyLoss(
         *_PolicyLoss.apply(  # type: ignore[no-untyped-call]
-            scores.movedim(-3, -1),
+            logits.movedim(-3, -1),
             action.movedim(-2, -1),
             log_probability,
             advantage,
@@ -121,11 +141,36 @@ def policy_loss(
     )
 
 
+def reference_policy_loss(
+    logits: Tensor,
+    action: Tensor,
+    log_probability: Tensor,
+    advantage: Tensor,
+    clip: float,
+    entropy_coefficient: float,
+    samples: int,
+) -> PolicyLoss:
+    """`policy_loss`, as its paper states it."""
+    log_p = logits.log_softmax(-1)
+    log_ratio = log_p.gather(-1, action[..., None]).squeeze(-1).sum(-1) - log_probability
+    ratio = log_ratio.exp()
+    clipped = ratio.clamp(1 - clip, 1 + clip)
+    surrogate = -torch.minimum(ratio * advantage, clipped * advantage).sum(-1) / samples
+    entropy = -(log_p.exp() * log_p).sum((-3, -2, -1)) / samples
+    return PolicyLoss(
+        surrogate - entropy_coefficient * entropy,
+        surrogate,
+        entropy,
+        (ratio - 1 - log_ratio).sum(-1) / samples,
+        (ratio != clipped).to(ratio.dtype).sum(-1) / samples,
+    )
+
+
 class _PolicyLoss(torch.autograd.Function):
     @staticmethod
     def forward(
         ctx: Any,
-        scores: Tensor,  # (…, entries, width, samples)
+        logits: Tensor,  # (…, entries, width, samples)
         action: Tensor,  # (…, entries, samples)
         before: Tensor,
         advantage: Tensor,
@@ -134,7 +179,7 @@ class _PolicyLoss(torch.autograd.Function):
         samples: int,
     ) -> tuple[Tensor, ...]:
         chosen = action[..., None, :]
-        log_p = scores.log_softmax(-2)
+        log_p = logits.log_softmax(-2)
         log_ratio = log_p.gather(-2, chosen).sum((-3, -2)) - before
         log_p.clamp_min_(_LEAST_LOG_PROBABILITY)
         p = torch.threshold_(log_p.exp(), _LEAST_PROBABILITY, 0.0)
@@ -142,8 +187,8 @@ class _PolicyLoss(torch.autograd.Function):
         clipped = ratio.clamp(1 - clip, 1 + clip)
         free, bounded = ratio * advantage, clipped * advantage
         entropy = -(p * log_p).sum(-2)
-        # ∂H/∂score = −p (log p + H). Of the surrogate, where it is not clipped:
-        # −∂(r Â)/∂score = −r Â (1[chosen] − p).
+        # ∂H/∂logit = −p (log p + H). Of the surrogate, where it is not clipped:
+        # −∂(r Â)/∂logit = −r Â (1[chosen] − p).
         by_ratio = torch.where(free <= bounded, free, 0.0)[..., None, None, :] / -samples
         gradient = log_p.add_(entropy[..., None, :]).mul_(p).mul_(entropy_coefficient / samples)
         gradient.addcmul_(p, by_ratio.expand_as(p), value=-1.0)
@@ -163,6 +208,6 @@ class _PolicyLoss(torch.autograd.Function):
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, of_loss: Tensor, *others: Tensor) -> tuple[Tensor | None, ...]:  # noqa: ARG004
+    def backward(ctx: Any, by_loss: Tensor, *others: Tensor) -> tuple[Tensor | None, ...]:  # noqa: ARG004
         (gradient,) = ctx.saved_tensors
-        return gradient * of_loss[..., None, None, None], None, None, None, None, None, None
+        return gradient * by_loss[..., None, None, None], None, None, None, None, None, None

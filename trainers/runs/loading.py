@@ -7,7 +7,7 @@ from typing import Any
 
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario
-from trainers.run_folder import RunFolder
+from trainers.runs.folder import RunFolder
 
 
 def differences(first: Scenario, second: Scenario) -> list[str]:

@@ -13,14 +13,14 @@ from torch import Tensor, distributed
 from iout_marl.errors import InputError
 
 #: How long a process waits for the others: longer than the first one takes to save.
-PATIENCE = dt.timedelta(minutes=5)
+TIMEOUT = dt.timedelta(minutes=5)
 
 
 class LostProcessError(Exception):
     """Another process of the group is gone."""
 
 
-class Group:
+class ProcessGroup:
     """Processes that each run a share of the environments: here, the only one.
 
     Attributes:
@@ -53,7 +53,7 @@ class Group:
         return tensor
 
 
-class DistributedGroup(Group):
+class DistributedGroup(ProcessGroup):
     """Processes that `torchrun` has started, over `torch.distributed`.
 
     Args:
@@ -66,7 +66,7 @@ class DistributedGroup(Group):
         self._device = device
 
     def sum(self, tensor: Tensor) -> Tensor:
-        with _told_plainly():
+        with _translate_connection_errors():
             distributed.all_reduce(tensor)
         return tensor
 
@@ -75,14 +75,14 @@ class DistributedGroup(Group):
 
     def largest(self, number: int) -> int:
         tensor = torch.tensor(number, device=self._device)
-        with _told_plainly():
+        with _translate_connection_errors():
             distributed.all_reduce(tensor, distributed.ReduceOp.MAX)
         return int(tensor)
 
     def join(self, tensor: Tensor) -> Tensor:
         here = tensor.to(self._device).contiguous()
         parts = [torch.empty_like(here) for _ in range(self.size)]
-        with _told_plainly():
+        with _translate_connection_errors():
             distributed.all_gather(parts, here)
         return torch.cat(parts)
 
@@ -92,7 +92,7 @@ _BROKEN = ("onnect", "imed out", "imeout", "reset by peer", "closed by peer", "S
 
 
 @contextmanager
-def _told_plainly() -> Iterator[None]:
+def _translate_connection_errors() -> Iterator[None]:
     try:
         yield
     except RuntimeError as error:
@@ -102,7 +102,7 @@ def _told_plainly() -> Iterator[None]:
 
 
 @contextmanager
-def started_group(device: torch.device) -> Iterator[tuple[Group, torch.device]]:
+def started_group(device: torch.device) -> Iterator[tuple[ProcessGroup, torch.device]]:
     """The group that `torchrun` has started this process in, and the device that is its own.
 
     Without `torchrun` a process is alone.
@@ -117,7 +117,7 @@ def started_group(device: torch.device) -> Iterator[tuple[Group, torch.device]]:
     # Without a size, it is only what a `torchrun` of before has left in the environment.
     is_launched = distributed.is_torchelastic_launched() and "WORLD_SIZE" in os.environ
     if not is_launched or _number("WORLD_SIZE") == 1:
-        yield Group(), device
+        yield ProcessGroup(), device
         return
     on_gpu = device.type == "cuda"
     if on_gpu:
@@ -130,7 +130,7 @@ def started_group(device: torch.device) -> Iterator[tuple[Group, torch.device]]:
         device = torch.device("cuda", local_rank)
         torch.cuda.set_device(device)
     try:
-        distributed.init_process_group("nccl" if on_gpu else "gloo", timeout=PATIENCE)
+        distributed.init_process_group("nccl" if on_gpu else "gloo", timeout=TIMEOUT)
     except (RuntimeError, ValueError) as error:
         reason = str(error).strip().splitlines()[0]
         raise InputError(f"torchrun: the processes did not find one another: {reason}") from None

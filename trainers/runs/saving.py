@@ -20,7 +20,7 @@ Of several policies, `group.json` in the folder above gives the SHA-256 of each 
 more file of 1 and 3. A policy that is later trained alone has a `run.json` that `group.json` does
 not know, and that says of itself that it belongs to no group.
 
-What a run leaves that ends before its first save, `trainers.beginning` tells.
+What a run leaves that ends before its first save, `trainers.runs.beginning` tells.
 
 Runs of versions before the manifest have none, and are read as they are.
 """
@@ -222,7 +222,7 @@ def is_used(folder: Path) -> bool:
     Raises:
         InputError: it cannot be read.
     """
-    # A scenario alone may be anybody's: of that, `trainers.beginning` tells.
+    # A scenario alone may be anybody's: of that, `trainers.runs.beginning` tells.
     names = (MANIFEST, GROUP, *NAMES[1:])
     try:
         if any((folder / name).exists() for name in names):

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from iout_marl.errors import InputError
 from iout_marl.world import redraws_every_episode
-from trainers.ppo import Trainer
+from trainers.base import BaseTrainer
 
 #: What seeds and states of generators stay below.
 _SEEDS, _WORDS, _STATES = 2**64, 2**32, 2**128
@@ -93,7 +93,7 @@ def check_origin(path: Path, saved: dict[str, Any]) -> None:
         _refuse(path, "'env_steps' is out of its range")
 
 
-def check_state(path: Path, saved: dict[str, Any], trainer: Trainer, policy: int) -> None:
+def check_state(path: Path, saved: dict[str, Any], trainer: BaseTrainer, policy: int) -> None:
     """Refuse a `Trainer.state_dict` that a training cannot go on from.
 
     Args:
@@ -107,7 +107,7 @@ def check_state(path: Path, saved: dict[str, Any], trainer: Trainer, policy: int
     """
     settings, like = trainer.settings, trainer.state_dict(policy)
     if settings.reward_scaling == "running" and saved["env_steps"]:
-        shape = (settings.environments, trainer.simulation.world.num_auvs)
+        shape = (settings.environments, trainer.collector.world.num_auvs)
         like["reward_scale"]["return"] = torch.zeros(shape)
     _allow_other_sums(saved, like)
     check_like(path, saved, like)
@@ -115,23 +115,23 @@ def check_state(path: Path, saved: dict[str, Any], trainer: Trainer, policy: int
         if not is_right:
             _refuse(path, f"{name!r} is out of its range")
     try:
-        torch.Generator(trainer.device).set_state(saved["simulation"]["generator"])
+        torch.Generator(trainer.runtime.device).set_state(saved["collector"]["generator"])
     except RuntimeError:
-        _refuse(path, "'simulation.generator' is no state of a generator")
+        _refuse(path, "'collector.generator' is no state of a generator")
 
 
 def _allow_other_sums(saved: dict[str, Any], like: dict[str, Any]) -> None:
     """Other metrics may be registered now than when a checkpoint was made."""
-    simulation = saved.get("simulation")
-    sums = simulation.get("sums") if isinstance(simulation, dict) else None
-    like["simulation"].pop("sums", None)
+    collector = saved.get("collector")
+    sums = collector.get("sums") if isinstance(collector, dict) else None
+    like["collector"].pop("sums", None)
     if isinstance(sums, dict):
-        one = torch.zeros_like(like["simulation"]["state"]["mean_age"])
-        like["simulation"]["sums"] = dict.fromkeys(sums, one)
+        one = torch.zeros_like(like["collector"]["state"]["mean_age"])
+        like["collector"]["sums"] = dict.fromkeys(sums, one)
 
 
 def _ranges(
-    saved: dict[str, Any], fresh: dict[str, Any], trainer: Trainer, policy: int
+    saved: dict[str, Any], fresh: dict[str, Any], trainer: BaseTrainer, policy: int
 ) -> Iterator[tuple[str, bool]]:
     """What has to hold, by the name of what it is about."""
     settings, scenario = trainer.settings, trainer.scenarios[policy]
@@ -139,32 +139,33 @@ def _ranges(
     yield "env_steps", steps % per_iteration == 0
     most = steps // per_iteration * settings.epochs * settings.minibatches
     yield "optimizer.steps", 0 <= saved["optimizer"]["steps"] <= most
-    yield "optimizer.second", bool((saved["optimizer"]["second"] >= 0).all())
+    if "second" in saved["optimizer"]:
+        yield "optimizer.second", bool((saved["optimizer"]["second"] >= 0).all())
     _, variance, number = saved["reward_scale"]["moments"]
     yield "reward_scale.moments", variance >= 0 and number >= 0
     for name, tensor in saved["network"].items():
-        if name.endswith((".scale", "return_spread")):
+        if name.endswith((".scale", "return_std")):
             yield f"network.{name}", bool((tensor > 0).all())
         elif name.endswith("count"):
             yield f"network.{name}", bool((tensor >= 0).all())
-    rng, own = saved["simulation"]["layout_rng"], fresh["simulation"]["layout_rng"]
-    name = "simulation.layout_rng"
+    rng, own = saved["collector"]["layout_rng"], fresh["collector"]["layout_rng"]
+    name = "collector.layout_rng"
     yield f"{name}.bit_generator", rng["bit_generator"] == own["bit_generator"]
     for key in ("state", "inc"):
         yield f"{name}.state.{key}", 0 <= rng["state"][key] < _STATES
     yield f"{name}.has_uint32", rng["has_uint32"] in (0, 1)
     yield f"{name}.uinteger", 0 <= rng["uinteger"] < _WORDS
-    state, world = saved["simulation"]["state"], trainer.simulation.world
+    state, world = saved["collector"]["state"], trainer.collector.world
     for name, tensor in state.items():
-        yield f"simulation.state.{name}", bool((tensor >= 0).all())
+        yield f"collector.state.{name}", bool((tensor >= 0).all())
     slots = steps // settings.environments
-    yield "simulation.state.slot", bool((state["slot"] == slots % world.num_slots).all())
-    yield "simulation.state.age", bool((state["age"] <= scenario.age.maximum).all())
+    yield "collector.state.slot", bool((state["slot"] == slots % world.num_slots).all())
+    yield "collector.state.age", bool((state["age"] <= scenario.age.maximum).all())
     most = slots * world.num_auvs
-    yield "simulation.state.deliveries", bool((state["deliveries"] <= most).all())
+    yield "collector.state.deliveries", bool((state["deliveries"] <= most).all())
     codes = torch.from_numpy(world.grid.encode(world.grid.all_coordinates()))
     for name in ("cell", "node_cell"):
-        yield f"simulation.state.{name}", bool(torch.isin(state[name], codes).all())
+        yield f"collector.state.{name}", bool(torch.isin(state[name], codes).all())
     if not redraws_every_episode(scenario):
-        placed = fresh["simulation"]["state"]["node_cell"]
-        yield "simulation.state.node_cell", torch.equal(state["node_cell"], placed)
+        placed = fresh["collector"]["state"]["node_cell"]
+        yield "collector.state.node_cell", torch.equal(state["node_cell"], placed)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from iout_marl.errors import InputError
 from iout_marl.files import LOCK_NAME, reason
-from trainers import beginning, saving
-from trainers.group import Group, LostProcessError
-from trainers.occupied import occupied
-from trainers.run_folder import RunFolder
+from trainers.accel.processes import LostProcessError, ProcessGroup
+from trainers.runs import beginning, saving
+from trainers.runs.folder import RunFolder
+from trainers.runs.occupied import occupied
 
 
 def new_runs(out: Path, seed: int, replicas: int) -> list[RunFolder]:
@@ -21,7 +21,7 @@ def new_runs(out: Path, seed: int, replicas: int) -> list[RunFolder]:
     return [RunFolder(out / f"seed-{seed + i}") for i in range(replicas)]
 
 
-def refuse_to_begin(out: Path, runs: Sequence[RunFolder], group: Group) -> None:
+def refuse_to_begin(out: Path, runs: Sequence[RunFolder], group: ProcessGroup) -> None:
     """Leave alone what is in the folders of new runs, before anything is made.
 
     Raises:
@@ -32,7 +32,7 @@ def refuse_to_begin(out: Path, runs: Sequence[RunFolder], group: Group) -> None:
             _refuse(out, runs)
 
 
-def make_new(out: Path, runs: Sequence[RunFolder], group: Group, held: ExitStack) -> None:
+def make_new(out: Path, runs: Sequence[RunFolder], group: ProcessGroup, held: ExitStack) -> None:
     """Make the folders of new runs, and keep others out of them as long as `held` does.
 
     Raises:
@@ -56,7 +56,7 @@ def make_new(out: Path, runs: Sequence[RunFolder], group: Group, held: ExitStack
 def take_over(
     out: Path,
     runs: Sequence[RunFolder],
-    group: Group,
+    group: ProcessGroup,
     held: ExitStack,
     check: Callable[[], object],
 ) -> None:
@@ -89,7 +89,7 @@ def _refuse(out: Path, runs: Sequence[RunFolder]) -> None:
 
 
 @contextmanager
-def _all_or_none(group: Group) -> Iterator[None]:
+def _all_or_none(group: ProcessGroup) -> Iterator[None]:
     """What the first process begins with: if it fails, so do the others, with less to say."""
     failure = None
     try:

@@ -6,10 +6,10 @@
 | `policy.safetensors`, `policy.json` | the networks' weights, and their shape |
 | `checkpoint.pt` | all that training goes on from |
 | `result.json` | the final policy's evaluation |
-| `run.json` | which contents of the files above belong together, see `trainers.saving` |
+| `run.json` | which contents of the files above belong together, see `trainers.runs.saving` |
 | `metrics.jsonl` | a line for every iteration |
 | `events.out.tfevents.*` | the same for TensorBoard |
-| `run.json.begun` | until the first save: that the logs are a run's, see `trainers.beginning` |
+| `run.json.begun` | until the first save: the logs are a run's, see `trainers.runs.beginning` |
 | `.lock` | keeps a second training out |
 """
 
@@ -36,15 +36,17 @@ from iout_marl.registry import registry_of
 from iout_marl.scenario import Scenario, parse_scenario
 from iout_marl.scenario.parts import outside_parts
 from iout_marl.world import WORLD_VERSION, World
-from trainers import beginning, saving
-from trainers.checking import check_like
+from trainers.base import BaseTrainer
 from trainers.factory import make_network
 from trainers.networks import ActorCritic
-from trainers.ppo import Trainer
+from trainers.runs import beginning, saving
+from trainers.runs.checking import check_like
 from trainers.trained import TrainedPolicy
 
 #: Changes whenever older files can no longer be read.
 FORMAT = 2
+#: What parts of older saves are called today.
+_RENAMED = {"return_spread": "return_std", "simulation": "collector"}
 #: Patterns of the files that a run writes beside its saves.
 LOGS = ("metrics.jsonl", "metrics.jsonl.part", "events.out.tfevents.*")
 #: What `policy.json` must say to be of use, and in which type.
@@ -107,14 +109,13 @@ class RunFolder:
         beginning.begin(self.path / saving.MANIFEST, LOGS)
 
     def saved_files(
-        self, trainer: Trainer, state: dict[str, Any], source: Scenario, policy: int = 0
+        self, trainer: BaseTrainer, state: dict[str, Any], policy: int = 0
     ) -> dict[str, bytes]:
         """What there is to save, all but scenario and result, by name.
 
         Args:
             trainer: what to save.
             state: its `state_dict` of the policy.
-            source: the scenario before its layout was pinned.
             policy: which of the trainer's.
         """
         scenario = trainer.scenarios[policy]
@@ -127,20 +128,21 @@ class RunFolder:
         buffer = io.BytesIO()
         torch.save(checkpoint, buffer)
         weights = {k: v.contiguous().cpu() for k, v in state["network"].items()}
-        world = trainer.simulation.world
+        world = trainer.collector.world
         shape = {
             "format": FORMAT,
             "world_version": WORLD_VERSION,
             "scenario": scenario.name,
             "scenario_hash": scenario.hash,
             "world_hash": scenario.world_hash,
-            "source_world_hash": source.world_hash,
+            "source_world_hash": trainer.source.world_hash,
             "env_steps": trainer.env_steps,
             "num_auvs": world.num_auvs,
             "observation_entries": len(world.observer.agent_ranges.low),
             "action_sizes": list(world.action_sizes),
             "hidden_units": list(trainer.settings.hidden_units),
             "activation": trainer.settings.activation,
+            "network": trainer.settings.network.kind,
             "mask_actions": trainer.settings.mask_actions,
         }
         outside = [
@@ -197,6 +199,9 @@ class RunFolder:
         trainer = saved.get("trainer")
         if not isinstance(trainer, dict):
             raise InputError(f"{path}: cannot be read: trainer is no mapping")
+        trainer = _renamed(trainer)
+        if isinstance(trainer.get("network"), dict):
+            trainer["network"] = _renamed(trainer["network"])
         return trainer
 
     def policy_shape(self) -> dict[str, Any]:
@@ -222,7 +227,7 @@ class RunFolder:
         network: ActorCritic = make_network(world.observer, world.action_sizes, scenario.training)
         path = self.path / "policy.safetensors"
         with readable(path):
-            weights = safetensors.torch.load(files[path.name])
+            weights = _renamed(safetensors.torch.load(files[path.name]))
         check_like(path, weights, network.state_dict())
         network.load_state_dict(weights)
         network.to(device).eval()
@@ -280,6 +285,11 @@ def is_of_a_run(name: str) -> bool:
     """Whether a file of this name in a run's folder is the run's."""
     own = (*saving.NAMES, saving.MANIFEST, *LOGS, LOCK_NAME)
     return any(fnmatchcase(name, pattern) for pattern in own)
+
+
+def _renamed(saved: dict[str, Any]) -> dict[str, Any]:
+    """By the names of today, whichever version has saved it."""
+    return {_RENAMED.get(name, name): value for name, value in saved.items()}
 
 
 @contextmanager

@@ -1,0 +1,205 @@
+"""What a trainer is made of, and what it saves: all but the algorithm."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from iout_marl.errors import InputError
+from iout_marl.scenario import AnyScenario, Overrides, Scenario, Training, load_scenario
+from iout_marl.world import pin_layout
+from trainers.accel import Runtime
+from trainers.accel.processes import ProcessGroup
+from trainers.collector import Collector
+from trainers.factory import make_network
+from trainers.memory import enough_memory
+from trainers.minibatches import Minibatches
+from trainers.networks import ActorCritic, stacked
+from trainers.optimizers import make_optimizer
+from trainers.returns import RewardScale
+from trainers.rollout import Rollout
+from trainers.trained import TrainedPolicy
+
+
+class BaseTrainer(ABC):
+    """Trains one policy, shared by all AUVs, on a scenario; or several side by side.
+
+    Args:
+        scenario: whatever `load_scenario` takes; its `training` section has
+            the settings. A layout that is drawn once for a run is drawn from the seed.
+        seed: seeds weights, layouts, actions and minibatches; the i-th policy's is seed + i.
+        device: where to train.
+        replicas: how many policies.
+        group: the processes that share the environments.
+        use_graphs: capture the work as graphs, where the device can.
+        overrides: changes of the scenario, as for `load_scenario`.
+        network: in place of `training.network`: a kind, or a mapping with it.
+
+    Attributes:
+        seeds: of each policy.
+        scenarios: the scenario of each policy, its layout pinned.
+        network: actor and critic, `stacked`.
+        env_steps: environment steps taken so far, for each policy.
+
+    Raises:
+        InputError: settings that several policies or processes cannot be trained with, or that
+            need more memory than there is; or a network or an optimizer that does not work.
+    """
+
+    @enough_memory()
+    def __init__(
+        self,
+        scenario: AnyScenario,
+        seed: int = 0,
+        device: str | torch.device = "cpu",
+        replicas: int = 1,
+        group: ProcessGroup | None = None,
+        *,
+        use_graphs: bool = True,
+        overrides: Overrides = None,
+        network: str | dict[str, Any] | None = None,
+    ) -> None:
+        self.source = load_for_training(scenario, overrides, network)
+        self.settings: Training = self.source.training
+        self.runtime = Runtime(device, group, use_graphs=use_graphs)
+        self.runtime.check(self.settings, replicas)
+        if self.settings.target_kl is not None and replicas > 1:
+            raise InputError(
+                "training.target_kl: policies trained side by side cannot stop their epochs "
+                "apart; set it to null, or train them one after the other"
+            )
+        self.seeds = range(seed, seed + replicas)
+        self.scenarios = [pin_layout(self.source, each) for each in self.seeds]
+        self.collector = Collector(
+            self.scenarios, self.settings.environments, self.seeds, self.runtime
+        )
+        world = self.collector.world
+        self.network = stacked([self._make_network(each) for each in self.seeds])
+        self.network.to(self.runtime.device)
+        self.optimizer = make_optimizer(self.settings, list(self.network.parameters()))
+        self.minibatches = Minibatches(
+            self.settings, world.num_auvs, self.collector.generators, self.runtime
+        )
+        self.reward_scale = RewardScale(
+            self.settings.reward_scaling, self.settings.discount, replicas, self.runtime
+        )
+        self._capture()
+        self.env_steps = 0
+
+    def _make_network(self, seed: int) -> ActorCritic:
+        world = self.collector.world
+        # Weights come from torch's global generator, which is put back as it was.
+        with torch.random.fork_rng(devices=[]):
+            torch.default_generator.manual_seed(seed)
+            return make_network(world.observer, world.action_sizes, self.settings)
+
+    def _capture(self) -> None:
+        """Capture learning, unless the host has a say in it."""
+        is_captured = self.optimizer.can_be_captured and self.settings.target_kl is None
+        self._captured_update = self.runtime.capture(self._update) if is_captured else self._update
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario of the first policy."""
+        return self.scenarios[0]
+
+    @property
+    def steps_per_iteration(self) -> int:
+        """Environment steps of a rollout, for each policy."""
+        return self.settings.environments * self.settings.rollout_slots
+
+    @property
+    def finished(self) -> bool:
+        """Whether the scenario's number of steps has been taken."""
+        return self.env_steps >= self.settings.steps
+
+    @abstractmethod
+    def _update(
+        self, rollout: Rollout, orders: Iterable[Tensor], learning_rate: float | Tensor
+    ) -> dict[str, Tensor]:
+        """Learn from a rollout: what there is to log, (policies,) each.
+
+        Args:
+            rollout: the rollout.
+            orders: of its samples in each epoch, see `Minibatches.orders`.
+            learning_rate: of this iteration.
+        """
+
+    def _learning_rate(self) -> float:
+        rate = self.settings.learning_rate
+        if self.settings.learning_rate_schedule == "linear":
+            rate *= max(1 - self.env_steps / self.settings.steps, 0.0)
+        return rate
+
+    def policy(self, policy: int = 0, name: str = "ppo") -> TrainedPolicy:
+        """One policy as it is now, to be evaluated.
+
+        Args:
+            policy: which.
+            name: what tables call it.
+        """
+        network = self._make_network(self.seeds[policy]).to(self.runtime.device)
+        network.load_state_dict(self.weights(policy))
+        return TrainedPolicy(
+            network,
+            name,
+            use_mask=self.settings.mask_actions,
+            num_auvs=self.collector.world.num_auvs,
+        )
+
+    def weights(self, policy: int = 0) -> dict[str, Tensor]:
+        """The `state_dict` of one policy's networks."""
+        return {k: v[policy].clone() for k, v in self.network.state_dict().items()}
+
+    def state_dict(self, policy: int = 0) -> dict[str, Any]:
+        """All that the training of one policy continues from, as tensors and plain values.
+
+        It is the same whatever was trained beside it, and by how many processes; these have
+        to ask for it together.
+        """
+        return {
+            "network": self.weights(policy),
+            "optimizer": self.optimizer.state_dict(policy),
+            "reward_scale": self.reward_scale.state_dict(policy),
+            "collector": self.collector.state_dict(policy),
+            "env_steps": self.env_steps,
+            "seed": self.seeds[policy],
+            "side_by_side": [self.seeds.start, len(self.seeds)],
+        }
+
+    def load_state_dict(self, *saved: dict[str, Any]) -> None:
+        """Continue from the `state_dict` of each policy; on a CPU, as if never stopped."""
+        weights = [one["network"] for one in saved]
+        self.network.load_state_dict({k: torch.stack([w[k] for w in weights]) for k in weights[0]})
+        self.optimizer.load_state_dict([one["optimizer"] for one in saved])
+        self.reward_scale.load_state_dict([one["reward_scale"] for one in saved])
+        self.collector.load_state_dict([one["collector"] for one in saved])
+        self._capture()
+        self.env_steps = saved[0]["env_steps"]
+        self.seeds = range(saved[0]["seed"], saved[0]["seed"] + len(saved))
+
+    def save(self, path: str | Path) -> None:
+        """Save a run that can be resumed, evaluated and loaded as a policy; several in one folder.
+
+        Args:
+            path: the run's folder: a new one, or one that this training has been saved in.
+
+        Raises:
+            InputError: it holds anything else, or cannot be written.
+        """
+        from trainers.runs.writing import save_trainer
+
+        save_trainer(self, path)
+
+
+def load_for_training(
+    scenario: AnyScenario, overrides: Overrides, network: str | dict[str, Any] | None
+) -> Scenario:
+    """`load_scenario`, with a network in place of that of the scenario unless it is None."""
+    loaded = load_scenario(scenario, overrides)
+    return loaded if network is None else load_scenario(loaded, {"training.network": network})

@@ -1,0 +1,1 @@
+"""Parts of a training: networks and optimizers. They register themselves and import no torch."""
