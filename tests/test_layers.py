@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     # Nothing of the world.
     (
+        "iout_marl.deprecated",
         "iout_marl.errors",
         "iout_marl.extras",
         "iout_marl.files",

@@ -3,6 +3,8 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from iout_marl.deprecated import warn_renamed
+
 if TYPE_CHECKING:
     from trainers.accel.processes import ProcessGroup, started_group
     from trainers.callbacks import Callback
@@ -40,7 +42,14 @@ __all__ = [
 ]
 
 
+#: What names of the version before are called now.
+_RENAMED = {"Group": "ProcessGroup"}
+
+
 def __getattr__(name: str) -> Any:
+    if name in _RENAMED:
+        warn_renamed(f"trainers.{name}", f"trainers.{_RENAMED[name]}")
+        return __getattr__(_RENAMED[name])
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = getattr(importlib.import_module(_MODULES[name]), name)

@@ -12,7 +12,7 @@ from iout_marl import evaluate
 from trainers import RunFolder
 
 EXTENDING = Path(__file__).parents[2] / "examples" / "extending"
-#: Mean AoI of a random walk on the paper's smallest scenario is 9 slots, that of weights as drawn 20 or more.
+#: Mean AoI in slots; on the paper's smallest scenario a random walk has 9, weights as drawn 20.
 LEARNT = 6.5
 
 
