@@ -20,7 +20,7 @@ from iout_marl.study.cluster import DaskCluster
 PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
 HIDDEN = [module for modules in EXTRAS.values() for module in modules]
 #: Heavy, or of an extra: `import iout_marl` and `iout --help` do without.
-HEAVY = [*HIDDEN, "pandas", "scipy", "supersuit", "tensorboard", "torch", "trainers"]
+HEAVY = [*HIDDEN, "pandas", "scipy", "supersuit", "tensorboard", "torch", "trainers.ppo"]
 PIXELS = {
     "parallel": lambda: iout_v0.parallel_env("paper/k3-fdd", "rgb_array"),
     "aec": lambda: iout_v0.env("paper/k3-fdd", "rgb_array"),

@@ -15,7 +15,7 @@ REPOSITORY = Path(__file__).parents[2]
 PROGRAM = """
 import json, sys
 import iout_marl
-heavy = sorted({"torch", "matplotlib", "tensorboard", "trainers"} & set(sys.modules))
+heavy = sorted({"torch", "matplotlib", "tensorboard", "trainers.ppo"} & set(sys.modules))
 import trainers
 from iout_marl import bundled_names, load_scenario
 print(json.dumps({

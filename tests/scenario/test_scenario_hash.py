@@ -28,10 +28,17 @@ WORDS = (
     "sonar", "fdd", "tdd", "paper", "stored", "mean_age", "scaled", "none", "info",
     "observation", "constant", "linear", "tanh", "relu", "running", "first_rollout",
     "orthogonal", "interference", "exclusive", "six", "hover", "team", "difference",
-    "own", "central",
+    "own", "central", "adam", "AdamW",
 )  # fmt: skip
 #: Names, keys with a single possible value, and a kind that needs other keys beside it.
-LEFT_OUT = {"name", "description", "allow_implausible", "training.preset", "nodes.kind"}
+LEFT_OUT = {
+    "name",
+    "description",
+    "allow_implausible",
+    "training.preset",
+    "training.network",
+    "nodes.kind",
+}
 
 
 def leaves(data, path=""):
@@ -185,7 +192,9 @@ def test_scenario_of_a_run_folder_of_an_earlier_version(name, hash_then, world_h
     path = Path(__file__).parent / "fixtures" / f"{name}.yaml"
     scenario = load_scenario(path)
     assert (scenario.hash, scenario.world_hash) == (hash_then, world_hash_then)
-    assert to_yaml(scenario) == path.read_text(encoding="utf-8")
+    # What came later is written, too.
+    text = to_yaml(scenario).replace("  optimizer: adam\n", "").replace("  network: mlp\n", "")
+    assert text == path.read_text(encoding="utf-8")
 
 
 def test_keys_that_came_later_leave_the_hashes_of_before_as_they_were():
