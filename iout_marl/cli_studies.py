@@ -148,6 +148,7 @@ def report(
         Path | None,
         typer.Option(metavar="FILE", parser=file, help="Where the Markdown goes [DIR/report.md]."),
     ] = None,
+    imports: Imports = None,
 ) -> None:
     """Write the report of a study's results once more: page, Markdown and figures."""
     require("iout report", "report")
@@ -158,6 +159,7 @@ def report(
         raise InputError(f"{markdown}: cannot be written: it is a file of the study in {folder}")
     if not (folder / "results.json").exists():
         raise InputError(f"{folder}: holds no results.json{_why_no_results(folder)}")
+    take(imports)
     present("\n".join(_written(folder, markdown)))
 
 
@@ -203,7 +205,7 @@ def _written(folder: Path, markdown: Path | None = None, *, kept: bool = False) 
         rendered = render_markdown(built, figures)
         write_text(text, rendered.rstrip("\n"))
     except InputError as error:
-        once_more = shlex.join(["iout", "report", str(folder)])
+        once_more = shlex.join(["iout", "report", str(folder), *import_words()])
         told = f"; the results are kept, write their report with: {once_more}" if kept else ""
         raise InputError(f"{error}{told}") from None
     return [*map(plain_text, built.lead), f"The report is {folder / 'report.html'}"]

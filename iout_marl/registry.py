@@ -1,7 +1,7 @@
 """Registries: what can be named in a file or on a command line, and who has brought it.
 
 A registry holds the entries of one role, by their kinds. What comes with this package is
-registered without a version; whatever is registered from outside states one.
+registered without a version; what scenarios name and comes from outside states one.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Entry(Generic[Item]):
     @property
     def is_outside(self) -> bool:
         """Whether somebody else has brought it."""
-        return self.version is not None
+        return self.version is not None or self.module.partition(".")[0] not in _OWN
 
     def fault(self, message: str) -> InputError:
         """An error that says which entry is at fault."""
@@ -108,11 +108,16 @@ class Registry(Generic[Item]):
     Args:
         role: of what they are: `reward`, say.
         base: the class that all of them extend; None where functions are registered.
+        in_scenarios: whether scenarios name them. Entries from outside then state a version, and
+            schemas follow what is registered.
     """
 
-    def __init__(self, role: str, base: type[Any] | None = None) -> None:
+    def __init__(
+        self, role: str, base: type[Any] | None = None, *, in_scenarios: bool = True
+    ) -> None:
         self.role = role
         self.base = base
+        self.in_scenarios = in_scenarios
         self._entries: dict[str, Entry[Item]] = {}
         _REGISTRIES[role] = self
 
@@ -123,8 +128,8 @@ class Registry(Generic[Item]):
 
         Args:
             kind: a word of lower-case letters, digits and underscores.
-            version: a whole number or a text. What comes from outside of this package must state
-                one, which is part of the hash of every scenario that names it.
+            version: a whole number or a text. What scenarios name and comes from outside of this
+                package must state one, which is part of the hash of every scenario that names it.
 
         Raises:
             InputError: the kind is no word or taken, there is no version, or what is
@@ -186,7 +191,7 @@ class Registry(Generic[Item]):
                 f"{other.module}.{other.item.__qualname__}: two parts of one kind"
             )
         is_own = item.__module__.partition(".")[0] in _OWN
-        if version is None and not is_own:
+        if version is None and not is_own and self.in_scenarios:
             raise InputError(
                 f'{self.role} {kind!r}: {name} must state a version: register("{kind}", version=1)'
             )
@@ -199,7 +204,7 @@ class Registry(Generic[Item]):
             )
 
     def _changed(self) -> None:
-        for act in on_change:
+        for act in on_change if self.in_scenarios else ():
             act()
 
 

@@ -10,6 +10,7 @@ from tiny_study import TINY
 from iout_marl import load_scenario, metrics, outside
 from iout_marl.cli import main
 from iout_marl.registry import registries
+from iout_marl.report.registry import report_named
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -54,6 +55,7 @@ def forgotten_parts(monkeypatch):
     """For a test that registers parts or imports them: they are forgotten after it."""
     monkeypatch.setattr(outside, "_brought", {})
     monkeypatch.setattr(sys, "path", list(sys.path))
+    report_named("plain")  # registers those of this package, which are not forgotten
     kinds = {registry: set(registry.kinds) for registry in registries()}
     modules = set(sys.modules)
     yield

@@ -1,7 +1,7 @@
 """Results of the paper's study, made up: figures that a test can set as it likes."""
 
 from iout_marl.evaluation import METRICS
-from iout_marl.report.names import BASELINES, BEST, TRAINED, in_fdd
+from iout_marl.paper.names import BASELINES, BEST, TRAINED, in_fdd
 from iout_marl.scenario import load_scenario
 from iout_marl.study.results import CellResult, Emissions, Record, Results, TrainingRecord
 from iout_marl.study.schema import load_study

@@ -50,12 +50,10 @@ LAYERS = (
     # The names that the package offers.
     ("iout_marl",),
     ("trainers",),
-    (
-        "iout_marl.__main__",
-        "iout_marl.cli",
-        "iout_marl.report",
-        "iout_marl.study",
-    ),
+    ("iout_marl.report", "iout_marl.study"),
+    # A client of the library, which registers a report.
+    ("iout_marl.paper",),
+    ("iout_marl.__main__", "iout_marl.cli"),
 )
 #: Modules that are named by how they begin: `cli_bound` belongs to `cli`.
 PREFIXES = {"iout_marl.cli_": "iout_marl.cli"}
@@ -171,6 +169,15 @@ def test_the_trainer_is_imported_only_where_it_is_needed(graph):
         if not module.startswith("trainers"):
             first = {other.partition(".")[0] for other, is_first in found if is_first}
             assert "trainers" not in first, module
+
+
+def test_the_paper_is_a_client_of_the_library(graph):
+    """Nothing but the registry of reports knows of it, by its name."""
+    for module, found in graph.items():
+        if not module.startswith("iout_marl.paper"):
+            assert not any(other.startswith("iout_marl.paper") for other, _ in found), module
+    naming = {name for name, source in modules().items() if '"iout_marl.paper"' in source}
+    assert naming == {"iout_marl.report.registry"}
 
 
 def test_every_layer_is_one():

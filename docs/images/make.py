@@ -23,7 +23,7 @@ from iout_marl.evaluation import play
 from iout_marl.policies import make_baseline
 from iout_marl.render import Snapshot, as_picture
 from iout_marl.report.build import build_report
-from iout_marl.report.content import Report
+from iout_marl.report.document import Report
 from iout_marl.report.markdown import render_markdown
 from iout_marl.report.page import render_page
 from iout_marl.study.results import read_results
@@ -43,7 +43,7 @@ def snapshot(name: str) -> Snapshot:
     world = World(load_scenario(scenario))
     slots = play(world, make_baseline("tour"), 0)
     state, events = next(itertools.islice(slots, slot, None))
-    return Snapshot.of(world, state, events)
+    return Snapshot.from_world(world, state, events)
 
 
 def slot_picture(name: str) -> npt.NDArray[np.uint8]:

@@ -325,7 +325,7 @@ class Episodes:
     def _snapshot(self, env: int) -> Snapshot:
         state = self.current
         events = self._playing.events if state.slot[env] else None
-        return Snapshot.of(self.world, state, events, env)
+        return Snapshot.from_world(self.world, state, events, env)
 
 
 def _written(

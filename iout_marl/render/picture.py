@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,8 @@ from iout_marl.render import style
 from iout_marl.render.labels import energy_text, energy_unit, number_text, shortened
 from iout_marl.render.layout import axis_top, round_step
 from iout_marl.render.panel import Panel
-from iout_marl.render.scene import FROM_ABOVE, FROM_THE_SIDE, draw_scene, hull
+from iout_marl.render.projection import FROM_ABOVE, FROM_THE_SIDE, Projection, hull
+from iout_marl.render.scene import Scene
 from iout_marl.render.settings import drawing
 from iout_marl.render.snapshot import Floats, Snapshot
 
@@ -33,43 +35,131 @@ def as_picture(snapshot: Snapshot) -> npt.NDArray[np.uint8]:
     """
     title = shortened(snapshot.title, 42)
     with drawing(title) as replaced:
-        return _draw(replace(snapshot.drawable(), title=title.translate(replaced)))
+        s = snapshot.drawable()
+        return _draw(
+            s,
+            _Frame(
+                title=title.translate(replaced),
+                duplex=s.duplex,
+                grid_shape=s.grid_shape,
+                num_nodes=s.num_nodes,
+                age_top=max(s.maximum_age, 2.0),
+                energy_top_j=axis_top(s.energies_j, s.energy_yardstick_j),
+                yardstick_j=s.energy_yardstick_j,
+            ),
+        )
 
 
-def _draw(snapshot: Snapshot) -> npt.NDArray[np.uint8]:
+@dataclass(frozen=True)
+class _Frame:
+    """What stays from one picture to the next, as a rule: all but nodes, AUVs, links and bars.
+
+    Attributes:
+        title, duplex: names.
+        grid_shape: cells along x, y and z.
+        num_nodes: how many bars there are.
+        age_top: the upper end of the axis of ages in slots, which is none if A_max is 1.
+        energy_top_j, yardstick_j: the upper end of the axis of energies, and the full gauge.
+    """
+
+    title: str
+    duplex: str
+    grid_shape: tuple[int, int, int]
+    num_nodes: int
+    age_top: float
+    energy_top_j: float
+    yardstick_j: float
+
+    def energy_unit(self) -> tuple[float, str]:
+        """The unit of the axis of energies, so that most are above 1 of it."""
+        return energy_unit(self.energy_top_j / 5)
+
+    def projections(self, figure: Figure) -> tuple[Projection, Projection]:
+        """From above, and from the side."""
+        return (
+            Projection(figure, FROM_ABOVE, self.grid_shape, style.MAP),
+            Projection(figure, FROM_THE_SIDE, self.grid_shape, style.PROFILE),
+        )
+
+    def bars(self, figure: Figure) -> tuple[_Bars, _Bars]:
+        """Of ages, and of energies."""
+        energy_top = self.energy_top_j / self.energy_unit()[0]
+        return (
+            _Bars(figure, style.AGES, self.num_nodes, self.age_top),
+            _Bars(figure, style.ENERGIES, self.num_nodes, energy_top),
+        )
+
+
+def _new_figure() -> tuple[Figure, Any]:
     # Without pyplot, nothing is shared with the caller and no figure needs closing.
-    import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     size_inches = (style.WIDTH_PX / style.DPI, style.HEIGHT_PX / style.DPI)
     figure = Figure(figsize=size_inches, dpi=style.DPI, facecolor="white")
-    canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
-    scale = mpl.colormaps[style.AGE_COLOURS](np.linspace(0, 1, 256))
-    colours = scale[_age_shades(snapshot)]
+    return figure, FigureCanvasAgg(figure)  # whose methods have no types
 
-    _draw_header(figure, snapshot)
-    draw_scene(figure, snapshot, FROM_ABOVE, style.MAP, colours)
-    _draw_colourbar(figure, snapshot, scale)
-    title = "Depth profile, from the side"
-    draw_scene(figure, snapshot, FROM_THE_SIDE, style.PROFILE, colours, title)
-    _draw_ages(figure, snapshot, colours)
-    _draw_energies(figure, snapshot)
-    _draw_legend(figure, snapshot)
 
+def _draw(s: Snapshot, frame: _Frame) -> npt.NDArray[np.uint8]:
+    figure, canvas = _new_figure()
+    colours = _age_colours()[_age_shades(s.ages, frame.age_top)]
+    _draw_progress(figure, s)
+    scene = Scene.from_snapshot(s)
+    for projection in frame.projections(figure):
+        projection.draw(scene, colours)
+    ages, energies = frame.bars(figure)
+    ages.draw(s.ages, colours, [number_text(age) for age in s.ages])
+    # What a rounding has left behind is nothing.
+    energies_j = np.where(s.energies_j > 1e-5 * frame.energy_top_j, s.energies_j, 0.0)
+    values = energies_j / frame.energy_unit()[0]
+    energies.draw(values, style.ENERGY, [f"{float(f'{value:.3g}'):g}" for value in values])
+
+    renderer = canvas.get_renderer()
+    pixels = np.asarray(renderer.buffer_rgba())
+    pixels[:] = _background(frame)
+    figure.patch.set_visible(False)
+    figure.draw(renderer)
+    return pixels[..., :3].copy()
+
+
+@lru_cache(maxsize=8)
+def _background(frame: _Frame) -> npt.NDArray[np.uint8]:
+    """(600, 960, 4) pixels of what lies behind nodes, AUVs, links and bars."""
+    figure, canvas = _new_figure()
+    _draw_header(figure, frame)
+    above, from_the_side = frame.projections(figure)
+    above.draw_grid()
+    from_the_side.draw_grid("Depth profile, from the side")
+    _draw_colourbar(figure, frame.age_top)
+    ages, energies = frame.bars(figure)
+    ages.draw_axes()
+    ages.panel.title("Age of Information, slots")
+    energies.draw_axes()
+    energies.panel.name_across("node")
+    unit_j, unit = frame.energy_unit()
+    note = ""
+    if frame.yardstick_j <= frame.energy_top_j:
+        note = f"- - -  {energy_text(frame.yardstick_j)}, an uplink over half the grid"
+        dashes: dict[str, Any] = {"linewidths": 0.9, "linestyles": [(0, (3, 2))], "zorder": 1.5}
+        energies.panel.draw_across([frame.yardstick_j / unit_j], colors=style.INK, **dashes)
+    energies.panel.title(f"Stored energy, {unit}", note)
+    _draw_legend(figure, frame.yardstick_j)
     canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+    return np.asarray(canvas.buffer_rgba()).copy()
 
 
-def _age_top(s: Snapshot) -> float:
-    """The upper end of the axis of ages, which is none if A_max is 1."""
-    return max(s.maximum_age, 2.0)
+@cache
+def _age_colours() -> Floats:
+    """(256, 4) colours of ages from 1 to A_max."""
+    import matplotlib as mpl
+
+    shades: Floats = mpl.colormaps[style.AGE_COLOURS](np.linspace(0, 1, 256))
+    return shades
 
 
-def _age_shades(s: Snapshot) -> npt.NDArray[np.int64]:
-    """(nodes,) shade of each age, of 256 from 1 to A_max."""
-    share = (s.ages - 1) / (_age_top(s) - 1)
-    return np.clip(share * 255, 0, 255).astype(np.int64)
+def _age_shades(ages: Floats, top: float) -> npt.NDArray[np.int64]:
+    """(nodes,) shade of each age, of 256 from 1 to the top."""
+    return np.clip((ages - 1) / (top - 1) * 255, 0, 255).astype(np.int64)
 
 
 def _write(figure: Figure, x_px: float, y_px: float, text: str, **options: Any) -> None:
@@ -78,35 +168,49 @@ def _write(figure: Figure, x_px: float, y_px: float, text: str, **options: Any) 
     figure.text(x_px / style.WIDTH_PX, 1 - y_px / style.HEIGHT_PX, text, **options)
 
 
-def _draw_header(figure: Figure, s: Snapshot) -> None:
+#: From the left: facts of the header, in px.
+_FACTS = {
+    "slot": 440,
+    "mean AoI, slots": 552,
+    "Jain's index": 662,
+    "harvested": 768,
+    "duplex": 892,
+}
+
+
+def _draw_header(figure: Figure, frame: _Frame) -> None:
+    title_pt = 15 if cell_len(frame.title) <= 28 else 10.5
+    _write(figure, 18, 25, frame.title, fontsize=title_pt, fontweight="bold")
+    for name, x_px in _FACTS.items():
+        _write(figure, x_px, 16, name, fontsize=style.SMALL_PT, color=style.MUTED)
+    _write_fact(figure, "duplex", frame.duplex)
+    _draw_bar(figure, 1.0, style.HAIRLINE)
+
+
+def _draw_progress(figure: Figure, s: Snapshot) -> None:
+    """What changes in the header: facts, and how much of the episode is over."""
+    _write_fact(figure, "slot", f"{number_text(s.slot)} / {number_text(s.num_slots)}")
+    _write_fact(figure, "mean AoI, slots", number_text(s.mean_age, 1))
+    _write_fact(figure, "Jain's index", f"{s.jain:.2f}")
+    _write_fact(figure, "harvested", f"{number_text(s.total_harvested_j / 1000, 2)} kJ")
+    _draw_bar(figure, min(s.slot / max(s.num_slots, 1), 1.0), style.DATA)
+
+
+def _write_fact(figure: Figure, name: str, value: str) -> None:
+    _write(figure, _FACTS[name], 33, value, fontsize=11.5, fontweight="bold")
+
+
+def _draw_bar(figure: Figure, share: float, colour: str) -> None:
     from matplotlib.patches import Rectangle
 
-    over = min(s.slot / max(s.num_slots, 1), 1.0)
-    title_pt = 15 if cell_len(s.title) <= 28 else 10.5
-    _write(figure, 18, 25, s.title, fontsize=title_pt, fontweight="bold")
-    facts = {
-        "slot": f"{number_text(s.slot)} / {number_text(s.num_slots)}",
-        "mean AoI, slots": number_text(s.mean_age, 1),
-        "Jain's index": f"{s.jain:.2f}",
-        "harvested": f"{number_text(s.total_harvested_j / 1000, 2)} kJ",
-        "duplex": s.duplex,
-    }
-    for x_px, (name, value) in zip((440, 552, 662, 768, 892), facts.items(), strict=True):
-        _write(figure, x_px, 16, name, fontsize=style.SMALL_PT, color=style.MUTED)
-        _write(figure, x_px, 33, value, fontsize=11.5, fontweight="bold")
-    # How much of the episode is over.
-    whole_px = style.WIDTH_PX - 36
-    for length_px, colour in ((whole_px, style.HAIRLINE), (over * whole_px, style.DATA)):
-        corner = (18 / style.WIDTH_PX, 1 - 49 / style.HEIGHT_PX)
-        size = (length_px / style.WIDTH_PX, 3 / style.HEIGHT_PX)
-        figure.add_artist(Rectangle(corner, *size, color=colour, linewidth=0))
+    corner = (18 / style.WIDTH_PX, 1 - 49 / style.HEIGHT_PX)
+    size = (share * (1 - 36 / style.WIDTH_PX), 3 / style.HEIGHT_PX)
+    figure.add_artist(Rectangle(corner, *size, color=colour, linewidth=0))
 
 
-def _draw_colourbar(figure: Figure, s: Snapshot, scale: Floats) -> None:
-    top = _age_top(s)
+def _draw_colourbar(figure: Figure, top: float) -> None:
     panel = Panel(figure, style.COLOURBAR, across=(0, 1), along=(1, top))
-    extent = (0, 1, 1, top)
-    panel.axes.imshow(scale[:, None, :], origin="lower", extent=extent, aspect="auto")
+    panel.fill(list(_age_colours()))
     panel.number_along(_ticks(1, top), right=True)
     panel.write_right("Age of Information in slots")
 
@@ -118,87 +222,70 @@ def _ticks(low: float, high: float) -> list[float]:
     return [low, *between[(between >= low + step / 2) & (between <= high - step / 2)], high]
 
 
-def _draw_ages(figure: Figure, s: Snapshot, colours: Floats) -> None:
-    labels = [number_text(age) for age in s.ages]
-    panel = _draw_bars(figure, style.AGES, s.ages, _age_top(s), colours, labels)
-    panel.title("Age of Information, slots")
+class _Bars:
+    """A bar for each node; what passes the top ends there, with an arrow.
 
+    Args:
+        figure: what to draw on.
+        box: where, in px.
+        count: how many nodes there are.
+        top: the upper end of the axis.
+    """
 
-def _draw_energies(figure: Figure, s: Snapshot) -> None:
-    top_j, yardstick_j = axis_top(s.energies_j, s.energy_yardstick_j), s.energy_yardstick_j
-    unit_j, unit = energy_unit(top_j / 5)  # so that most are above 1 of it
-    # What a rounding has left behind is nothing.
-    energies = np.where(s.energies_j > 1e-5 * top_j, s.energies_j, 0.0) / unit_j
-    labels = [f"{float(f'{energy:.3g}'):g}" for energy in energies]
-    panel = _draw_bars(figure, style.ENERGIES, energies, top_j / unit_j, style.ENERGY, labels)
-    panel.name_across("node")
-    note = ""
-    if yardstick_j <= top_j:
-        note = f"- - -  {energy_text(yardstick_j)}, an uplink over half the grid"
-        dashes: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (3, 2))}
-        panel.axes.axhline(yardstick_j / unit_j, color=style.INK, zorder=1.5, **dashes)
-    panel.title(f"Stored energy, {unit}", note)
+    def __init__(self, figure: Figure, box: style.Box, count: int, top: float) -> None:
+        self._count, self._top, self._height_px = count, top, box[3]
+        places = max(count, 3)
+        middle = (count + 1) / 2
+        self._width_pt = 0.68 * style.PT_PER_PX * min(box[2] / places, 44)
+        self.panel = Panel(
+            figure,
+            box,
+            across=(middle - places / 2, middle + places / 2),
+            along=(0, 1.13 * top),  # with room for the number of the highest bar
+        )
 
+    def draw_axes(self) -> None:
+        """Numbers of nodes, and lines with theirs."""
+        # As many numbers as there is room for, according to their digits.
+        every = round_step(self._count * len(str(self._count)) / 40)
+        heights = [0, self._top / 2, self._top]
+        self.panel.number_across(range(every, self._count + 1, every))
+        self.panel.number_along(heights)
+        self.panel.draw_across(heights, colors=style.HAIRLINE, linewidths=0.8)
 
-def _draw_bars(
-    figure: Figure, box: style.Box, values: Floats, top: float, colours: Any, labels: list[str]
-) -> Panel:
-    """A bar for each node; what passes the top ends there, with an arrow."""
-    from matplotlib.collections import LineCollection
-
-    count = len(values)
-    places = max(count, 3)
-    nodes = np.arange(1, count + 1)
-    middle = (count + 1) / 2
-    panel = Panel(
-        figure,
-        box,
-        across=(middle - places / 2, middle + places / 2),
-        along=(0, 1.13 * top),  # with room for the number of the highest bar
-    )
-    # As many numbers as there is room for, according to their digits.
-    every = round_step(count * len(str(count)) / 40)
-    panel.number_across(nodes[every - 1 :: every])
-    panel.number_along([0, top / 2, top])
-    for height in (0, top / 2, top):
-        panel.axes.axhline(height, color=style.HAIRLINE, linewidth=0.8, zorder=1)
-
-    heights = np.minimum(values, top)
-    # Thick lines: a thousand of them are drawn as quickly as a few bars.
-    panel.axes.add_collection(
-        LineCollection(
+    def draw(self, values: Floats, colours: Any, labels: list[str]) -> None:
+        """The bars, with as many numbers as there is room for."""
+        nodes, heights = np.arange(1, self._count + 1), np.minimum(values, self._top)
+        # Thick lines: a thousand of them are drawn as quickly as a few bars.
+        self.panel.draw_segments(
             [[(node, 0), (node, height)] for node, height in zip(nodes, heights, strict=True)],
             colors=colours,
-            linewidths=0.68 * style.PT_PER_PX * min(box[2] / places, 44),
+            linewidths=self._width_pt,
             capstyle="butt",
-            zorder=2,
-        ),
-        autolim=False,
-    )
-    if count <= _MOST_VALUES:
-        px = 1.13 * top / box[3]
+            zorder=1,
+        )
+        if self._count > _MOST_VALUES:
+            return
+        px = 1.13 * self._top / self._height_px
         for node, value, height, label in zip(nodes.tolist(), values, heights, labels, strict=True):
-            panel.axes.text(
+            self.panel.write(
                 node,
                 height + 3 * px,
-                label + ("↑" if value > top else ""),
+                label + ("↑" if value > self._top else ""),
                 fontsize=7,
-                color=style.INK,
-                ha="center",
                 va="bottom",
                 zorder=3,
                 bbox={"boxstyle": "square,pad=0", "fc": "white", "ec": "none", "alpha": 0.85},
             )
-    return panel
 
 
-def _draw_legend(figure: Figure, s: Snapshot) -> None:
+def _draw_legend(figure: Figure, yardstick_j: float) -> None:
     from matplotlib.lines import Line2D
 
     def line(label: str, **options: Any) -> Line2D:
         return Line2D([], [], label=label, **options)
 
-    ring = f"ring: energy stored, closed at {energy_text(s.energy_yardstick_j)}"
+    ring = f"ring: energy stored, closed at {energy_text(yardstick_j)}"
     handles = [
         line("AUV at depth z", color="none", marker=hull(), ms=22, mfc=style.AUV, mec="none"),
         line("charging", color=style.ENERGY, alpha=0.45, lw=6.5),

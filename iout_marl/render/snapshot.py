@@ -36,7 +36,7 @@ class Snapshot:
     ages: Floats  # (nodes,) slots: Age of Information A_k
     maximum_age: float  # slots: A_max
     energies_j: Floats  # (nodes,) J: energy stored
-    price_j: float  # J: energy of an uplink over half the grid
+    reference_energy_j: float  # J: energy of an uplink over half the grid
     mean_age: float  # slots: mean age over nodes
     jain: float  # Jain's index of the deliveries so far
     total_harvested_j: float  # J: energy harvested by all nodes so far
@@ -48,7 +48,9 @@ class Snapshot:
     beta: Floats | None  # (auvs,) TDD's share of the last slot for charging; 0 in FDD
 
     @classmethod
-    def of(cls, world: World, state: State, events: Events | None, env: int = 0) -> Snapshot:
+    def from_world(
+        cls, world: World, state: State, events: Events | None, env: int = 0
+    ) -> Snapshot:
         """The snapshot of one environment of a batch.
 
         Args:
@@ -68,7 +70,7 @@ class Snapshot:
             ages=np.array(state.age[env], dtype=np.float64),
             maximum_age=float(world.scenario.age.maximum),
             energies_j=np.array(state.energy_j[env], dtype=np.float64),
-            price_j=float(world.representation.price_j),
+            reference_energy_j=float(world.representation.price_j),
             mean_age=float(state.mean_age[env]),
             jain=float(state.jain[env]),
             total_harvested_j=float(state.harvested_j[env]),
@@ -88,7 +90,7 @@ class Snapshot:
             ages=_drawable(self.ages),
             maximum_age=max(float(_drawable(self.maximum_age)), 1.0),
             energies_j=_drawable(self.energies_j),
-            price_j=float(_drawable(self.price_j)),
+            reference_energy_j=float(_drawable(self.reference_energy_j)),
             mean_age=float(_drawable(self.mean_age)),
             jain=float(_drawable(self.jain)),
             total_harvested_j=float(_drawable(self.total_harvested_j)),
@@ -104,9 +106,9 @@ class Snapshot:
 
     @property
     def energy_yardstick_j(self) -> float:
-        """What a full gauge of energy stands for, in J: `price_j` wherever that is a number."""
-        if math.isfinite(self.price_j) and self.price_j > 1 / LARGEST:
-            return self.price_j
+        """What a full gauge of energy stands for, in J: the reference wherever it is a number."""
+        if math.isfinite(self.reference_energy_j) and self.reference_energy_j > 1 / LARGEST:
+            return self.reference_energy_j
         return max(float(self.energies_j.max()), 1.0)
 
     def charging(self) -> list[tuple[int, int]]:

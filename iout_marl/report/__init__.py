@@ -1,5 +1,10 @@
-"""Reports of studies: pages, figures and Markdown."""
+"""Reports of studies: documents of tables and figures, as a page, as Markdown and as pictures.
 
-from iout_marl.extras import require
+A study names its report, see `registry`; `document` is what a report is made of.
+"""
 
-require("iout_marl.report", "report")
+from iout_marl.report.document import Report, Section, Table
+from iout_marl.report.figure import Axis, Line, Plot, Trajectory
+from iout_marl.report.registry import reports
+
+__all__ = ["Axis", "Line", "Plot", "Report", "Section", "Table", "Trajectory", "reports"]

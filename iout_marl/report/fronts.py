@@ -6,26 +6,26 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from iout_marl.report.content import Line, Plot, Section, Table
+from iout_marl.report.document import Section, Table
+from iout_marl.report.figure import Axis, Line, Plot
 from iout_marl.report.measures import fixed, metric_heading, metric_mean
 from iout_marl.report.palette import GREY, hue
 from iout_marl.report.study_figures import protocol
 from iout_marl.study.results import Record, Results
 
-#: From this Jain's index on, to the digits of tables, P1 is as good as met.
+#: From this Jain's index on, to the digits of tables, (1 − J) · mean AoI is 0.
 FAIR = 0.9995
 
 DEGENERATE = (
-    "The objective of the paper's P1, (1 − J) · mean AoI, is 0 for every policy that serves all "
-    "nodes alike often, however old their data are: no bound but 0 holds for it, and a gap in "
-    "percent of 0 is none. What can be compared is the Pareto front: the least mean AoI for each "
-    "fairness."
+    "The product (1 − J) · mean AoI is 0 for every policy that serves all nodes equally often, "
+    "however old their data are: no bound but 0 holds for it, and there is no gap in percent of 0. "
+    "What can be compared is the Pareto front: the least mean AoI for each fairness."
 )
 
 
 @dataclass(frozen=True)
 class Point:
-    """What a run reaches: (1 − J) times mean AoI is the objective of the paper's P1."""
+    """What a run reaches."""
 
     series: str
     seed: int
@@ -57,7 +57,7 @@ def front_section(results: Results) -> Section:
             worlds.setdefault(cell.record.world_hash, []).append((cell.series, cell.record))
     names = Counter(records[0][1].scenario for records in worlds.values())
     items: list[Plot | Table] = []
-    told = []
+    sentences = []
     for number, (world, records) in enumerate(worlds.items(), start=1):
         points = [
             Point(series, r.seed, r.mean("jain"), r.mean("mean_aoi")) for series, r in records
@@ -70,22 +70,25 @@ def front_section(results: Results) -> Section:
             _figure(results, f"front-{number}", name, points, front),
             _table(results, f"front-table-{number}", name, front),
         ]
-        told.append(_degeneracy(name, points))
+        sentences.append(_degeneracy(name, points))
     return Section(
         "front",
         "Freshness against fairness",
-        paragraphs=(DEGENERATE, *told),
+        paragraphs=(DEGENERATE, *sentences),
         items=tuple(items),
     )
 
 
 def _degeneracy(world: str, points: Sequence[Point]) -> str:
-    """What P1 prefers there, beside what is fresh."""
+    """What (1 − J) · mean AoI prefers there, beside what is fresh."""
     freshest = min(points, key=lambda p: p.mean_aoi)
     best = min(points, key=lambda p: p.objective)
     if best == freshest:
-        return f"{world}: P1 prefers what is freshest, {_told(best)}."
-    text = f"{world}: P1 prefers {_told(best)}; the freshest is {_told(freshest)}."
+        return f"{world}: the least (1 − J) · mean AoI is that of the freshest, {_described(best)}."
+    text = (
+        f"{world}: the least (1 − J) · mean AoI is that of {_described(best)}; the freshest is "
+        f"{_described(freshest)}."
+    )
     fair = [p.mean_aoi for p in points if p.jain >= FAIR]
     if len(fair) > 1:
         text += (
@@ -95,9 +98,9 @@ def _degeneracy(world: str, points: Sequence[Point]) -> str:
     return text
 
 
-def _told(point: Point) -> str:
+def _described(point: Point) -> str:
     return (
-        f"one of {point.series} (mean AoI {fixed(point.mean_aoi, 2)}, J {fixed(point.jain, 4)}, "
+        f"a run of {point.series} (mean AoI {fixed(point.mean_aoi, 2)}, J {fixed(point.jain, 4)}, "
         f"(1 − J) · mean AoI {fixed(point.objective, 4)})"
     )
 
@@ -131,8 +134,8 @@ def _figure(
         caption=f"A point is a run; of those on the line none is better in both. "
         f"{protocol(results, names, intervals=False)}",
         command=results.command,
-        x_label=metric_heading("jain"),
-        y_label=metric_heading("mean_aoi"),
+        x=Axis(metric_heading("jain")),
+        y=Axis(metric_heading("mean_aoi")),
         lines=tuple(lines),
     )
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from iout_marl.bounds import gap_percent
-from iout_marl.report.content import Line, Plot, Section, Table
+from iout_marl.report.document import Section, Table
+from iout_marl.report.figure import Axis, Line, Plot
 from iout_marl.report.measures import (
     NO_BREAK,
     bound_text,
@@ -18,7 +19,7 @@ from iout_marl.report.measures import (
     metric,
     place_text,
 )
-from iout_marl.report.study_figures import over_axis, protocol
+from iout_marl.report.study_figures import axis_of, protocol
 from iout_marl.study.results import Measured, Results, measured_of
 
 #: Gaps are drawn on a logarithmic axis; smaller ones are drawn as this, in percent.
@@ -43,7 +44,7 @@ class Spread:
     largest: float
 
     @classmethod
-    def of(cls, values: Sequence[float]) -> Spread:
+    def from_values(cls, values: Sequence[float]) -> Spread:
         """Of one value or more."""
         return cls(float(np.median(values)), min(values), max(values))
 
@@ -113,36 +114,41 @@ def gaps_of(results: Results, bound: str, series: str, place: float) -> Gaps | N
         measured,
         float(np.mean([bounds[world] for world in worlds])),
         float(np.mean([reached[world] for world in worlds])),
-        Spread.of([_gap(m, bounds[w]) for m, w in zip(means, worlds, strict=True)]),
-        Spread.of([_gap(m, reached[w]) for m, w in zip(means, worlds, strict=True)]),
+        Spread.from_values([_gap(m, bounds[w]) for m, w in zip(means, worlds, strict=True)]),
+        Spread.from_values([_gap(m, reached[w]) for m, w in zip(means, worlds, strict=True)]),
     )
 
 
-def gap_section(results: Results) -> Section:
-    """A figure and a table for each series of bounds; nothing where there is none."""
+def gap_section(results: Results, *, grouped: bool = False) -> Section:
+    """A figure and a table for each series of bounds; nothing where there is none.
+
+    Args:
+        results: of the study.
+        grouped: as for `metric_figure`.
+    """
     items: list[Plot | Table] = []
     for number, (bound, found) in enumerate(_by_bound(results), start=1):
         items += [
-            _figure(results, f"gap-{number}", bound, found),
+            _figure(results, f"gap-{number}", bound, found, grouped=grouped),
             _table(results, f"gap-table-{number}", bound, found),
         ]
     return Section("gap", "The gap to the optimum", paragraphs=(WHAT_IT_IS,), items=tuple(items))
 
 
 def gap_lead(results: Results) -> list[str]:
-    """How near the trained policies come, a sentence for each series of them and of bounds."""
-    told: dict[str, list[tuple[str, list[Gaps]]]] = {}
+    """How close the trained policies get, a sentence for each series of them and of bounds."""
+    by_series: dict[str, list[tuple[str, list[Gaps]]]] = {}
     for bound, found in _by_bound(results):
         for name in dict.fromkeys(gaps.series for gaps in found):
             own = [gaps for gaps in found if gaps.series == name]
             trained = any(record.training for record in results.records(name))
             if trained and len(own) == len(results.places(name)):
-                told.setdefault(name, []).append((bound, own))
+                by_series.setdefault(name, []).append((bound, own))
     return [
         f"{name}: {_extent([g.above_bound.median for g in own])} above the "
         f"{bound if len(bounds) > 1 else 'certified bound'}, "
         f"{_extent([g.above_best_known.median for g in own])} above the best known."
-        for name, bounds in told.items()
+        for name, bounds in by_series.items()
         for bound, own in bounds
     ]
 
@@ -165,7 +171,9 @@ def _by_bound(results: Results) -> Iterator[tuple[str, list[Gaps]]]:
             yield bound, found
 
 
-def _figure(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Plot:
+def _figure(
+    results: Results, key: str, bound: str, found: Sequence[Gaps], *, grouped: bool
+) -> Plot:
     lines = []
     for colour, name in enumerate(dict.fromkeys(gaps.series for gaps in found)):
         own = [gaps for gaps in found if gaps.series == name]
@@ -192,12 +200,13 @@ def _figure(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Pl
             f"% drawn as {LEAST_DRAWN:g} %. {runs}"
         ),
         command=results.command,
-        x_label=results.axis.label,
-        y_label="Above the bound in %",
+        x=axis_of(results, lines, grouped=grouped),
+        y=Axis(
+            "Above the bound in %",
+            scale="log",
+            limits=(LEAST_DRAWN, 1.5 * largest) if least < LEAST_DRAWN < largest else None,
+        ),
         lines=tuple(lines),
-        log_y=True,
-        y_range=(LEAST_DRAWN, 1.5 * largest) if least < LEAST_DRAWN < largest else None,
-        **over_axis(results, lines),
     )
 
 

@@ -1,16 +1,14 @@
-"""Results as a report takes them: texts that are data, and cells that have something to show."""
+"""Results as a report takes them: their texts are data."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
 
 from iout_marl.evaluation import METRICS
 from iout_marl.report.markup import as_data
-from iout_marl.study.results import CellResult, Failure, Record, Results
+from iout_marl.study.results import Record, Results
 
 
 class _Texts:
@@ -35,26 +33,19 @@ class _Texts:
 
 
 def take_in(results: Results) -> Results:
-    """The results that a report shows.
-
-    Texts become data (see `markup.as_data`). A cell without an episode, or at no number on the
-    axis, becomes a failure; bounds among policies of one series become a series of their own.
-    """
+    """The results that a report shows: their texts are data (see `markup.as_data`)."""
     data = _Texts()
-    policies = {cell.series for cell in results.cells if not cell.record.is_bound}
-    cells, failures = [], []
-    for cell in results.cells:
-        mixed = cell.record.is_bound and cell.series in policies
-        series = data.name(f"{cell.series} (bound)" if mixed else cell.series)
-        fault = _fault(cell)
-        if fault is None:
-            changes = {"series": series, "group": data(cell.group)}
-            cells.append(cell.model_copy(update={**changes, "record": _record(cell.record, data)}))
-        else:
-            failures.append(
-                Failure(series=series, axis=cell.axis, seed=cell.record.seed, error=fault)
-            )
-    failures += [
+    cells = [
+        cell.model_copy(
+            update={
+                "series": data.name(cell.series),
+                "group": data(cell.group),
+                "record": _record(cell.record, data),
+            }
+        )
+        for cell in results.cells
+    ]
+    failures = [
         failure.model_copy(
             update={"series": data.name(failure.series), "error": data(failure.error)}
         )
@@ -74,12 +65,6 @@ def take_in(results: Results) -> Results:
     )
 
 
-def _fault(cell: CellResult) -> str | None:
-    if not math.isfinite(cell.axis):
-        return "its place on the axis is no number"
-    return None if cell.record.episodes > 0 else "its record has no episode"
-
-
 def _record(record: Record, data: _Texts) -> Record:
     texts = ("scenario", "scenario_hash", "world_hash", "search", "date")
     changes = {name: data(getattr(record, name)) for name in texts if getattr(record, name)}
@@ -89,49 +74,6 @@ def _record(record: Record, data: _Texts) -> Record:
     }
     machine = {as_data(name): as_data(value) for name, value in record.machine.items()}
     return record.model_copy(update={**changes, "samples": samples, "machine": machine})
-
-
-class Walk(BaseModel):
-    """The episode of a record, as `iout_marl.episode.Episode` has it."""
-
-    model_config = ConfigDict(frozen=True, strict=False)
-
-    grid: tuple[int, int, int]
-    spacing_m: float
-    nodes: tuple[tuple[int, int, int], ...]
-    path: tuple[tuple[tuple[int, int, int], ...], ...]
-    charged: tuple[tuple[int, ...], ...]
-    heard: tuple[tuple[int, ...], ...]
-    delivered: tuple[tuple[bool, ...], ...]
-    ages: tuple[tuple[int, ...], ...]
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether its parts are of one length, and its cells and nodes are there."""
-        slots, auvs = len(self.charged), len(self.path[0]) if self.path else 0
-        of_auvs = (*self.path, *self.charged, *self.heard, *self.delivered)
-        of_slots = (self.path[1:], self.heard, self.delivered, self.ages)
-        cells = [*self.nodes, *(cell for slot in self.path for cell in slot)]
-        chosen = [node for part in (self.charged, self.heard) for slot in part for node in slot]
-        return (
-            auvs > 0
-            and min(self.grid) > 0
-            and math.isfinite(self.spacing_m)
-            and all(len(part) == slots for part in of_slots)
-            and all(len(slot) == auvs for slot in of_auvs)
-            and all(len(slot) == len(self.nodes) for slot in self.ages)
-            and all(1 <= c <= n for cell in cells for c, n in zip(cell, self.grid, strict=True))
-            and all(0 <= node <= len(self.nodes) for node in chosen)
-        )
-
-
-def walk_of(record: Record) -> Walk | None:
-    """The episode of a record; None where it has none, or none that can be shown."""
-    try:
-        walk = Walk.model_validate(record.episode)
-    except ValidationError:
-        return None
-    return walk if walk.is_whole else None
 
 
 def curves(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from iout_marl.report.content import Answers, Plot, Report, Section, Table, Trajectory
+from iout_marl.report.document import Answers, Report, Section, Table
+from iout_marl.report.figure import Figure
 from iout_marl.report.markup import markdown_path, markdown_text
 
 
@@ -31,7 +32,7 @@ def _section(section: Section, figures: str) -> Iterator[str]:
     for paragraph in section.paragraphs:
         yield from (markdown_text(paragraph), "")
     for item in section.items:
-        if isinstance(item, Plot | Trajectory):
+        if isinstance(item, Figure):
             yield from (f"### {markdown_text(item.title)}", "")
             yield from (
                 f"![{markdown_text(item.title)}]({markdown_path(figures)}/{item.key}.png)",

@@ -28,7 +28,7 @@ class _Moments:
     freedom: int
 
     @classmethod
-    def of(cls, measured: Measured) -> _Moments:
+    def from_measured(cls, measured: Measured) -> _Moments:
         values = np.asarray(measured.samples, dtype=np.float64)
         count = len(values)
         error = values.var(ddof=1) / count if count > 1 else math.nan
@@ -38,7 +38,7 @@ class _Moments:
 @np.errstate(all="ignore")
 def difference(first: Measured, second: Measured) -> Estimate:
     """first − second, with Welch's 95 % interval (NaN where either is a single value)."""
-    a, b = _Moments.of(first), _Moments.of(second)
+    a, b = _Moments.from_measured(first), _Moments.from_measured(second)
     return _welch(a.mean - b.mean, a.squared_error, b.squared_error, (a.freedom, b.freedom))
 
 
@@ -49,7 +49,7 @@ def reduction(first: Measured, second: Measured) -> Estimate:
     The 95 % interval is that of the ratio by the delta method, with Welch's degrees of
     freedom; NaN where either is a single value. Of 0 there is no reduction: NaN throughout.
     """
-    a, b = _Moments.of(first), _Moments.of(second)
+    a, b = _Moments.from_measured(first), _Moments.from_measured(second)
     if b.mean == 0:
         return Estimate(math.nan, math.nan, math.nan)
     # Relative errors of first/second, times the ratio, without a division by first.

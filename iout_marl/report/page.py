@@ -11,13 +11,15 @@ from collections.abc import Mapping
 import jinja2
 from markupsafe import Markup
 
-from iout_marl.report.content import Answers, Figure, Plot, Report, Table, Trajectory, Verdict
-from iout_marl.report.interactive import plotly_json
+from iout_marl.report.document import Answers, Report, Table, Verdict
+from iout_marl.report.figure import Figure, Trajectory
 from iout_marl.report.markup import html_cell, html_text, json_script, plain_text
-from iout_marl.report.series import legend, name_lines
-from iout_marl.report.static import draw
+from iout_marl.report.matplotlib_writer import draw
+from iout_marl.report.measures import counted
+from iout_marl.report.plot_layout import legend, name_lines
+from iout_marl.report.plotly_writer import plotly_json
 
-#: In words of a class name, and with a sign, so that no verdict is told by colour alone.
+#: In words of a class name, and with a sign, so that no verdict rests on its colour alone.
 _VERDICTS: dict[Verdict, tuple[str, str]] = {
     "reproduced": ("yes", "✓"),
     "reproduced in part": ("part", "≈"),
@@ -55,7 +57,7 @@ def render_page(report: Report, pictures: Mapping[str, bytes] | None = None) -> 
         "slug": _slug,
     }
     environment.tests |= {
-        "figure": lambda item: isinstance(item, Plot | Trajectory),
+        "figure": lambda item: isinstance(item, Figure),
         "trajectory": lambda item: isinstance(item, Trajectory),
         "table": lambda item: isinstance(item, Table),
         "answers": lambda item: isinstance(item, Answers),
@@ -112,19 +114,20 @@ def _slug(text: str) -> str:
 def _alternative(figure: Figure) -> str:
     """What those read who do not see the figure."""
     if isinstance(figure, Trajectory):
-        size = " × ".join(map(str, figure.grid))
+        episode = figure.episode
+        size, auvs = " × ".join(map(str, episode.grid)), counted(len(episode.path[0]), "AUV")
         return plain_text(
-            f"{figure.title}: path of an AUV of {len(figure.charged)} slots through a grid "
-            f"of {size} cells with {len(figure.nodes)} nodes. The CSV file has every slot."
+            f"{figure.title}: {auvs} in {counted(len(episode.charged), 'slot')} in a grid of "
+            f"{size} cells with {counted(len(episode.nodes), 'node')}. The CSV file has every slot."
         )
     names = ", ".join(dict.fromkeys(line.name for line in figure.lines))
     return plain_text(
-        f"{figure.title}: {figure.y_label} over {figure.x_label} for {names}. "
+        f"{figure.title}: {figure.y.label} over {figure.x.label} for {names}. "
         "The CSV file has the values."
     )
 
 
 def _legend_lines(figure: Figure) -> int:
     if isinstance(figure, Trajectory):
-        return 7
+        return 6 + len(figure.episode.path[0])
     return sum(len(name_lines(figure.lines[i].name)) for i in legend(figure))

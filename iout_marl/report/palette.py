@@ -1,32 +1,19 @@
 """Looks of the lines and bars in the report's figures, for light and dark pages alike.
 
-The hues are those of Okabe and Ito, told apart whatever the eye's colour vision; the light
-ones are darkened until every colour has a contrast of 3 to white and to a dark page. Where
-they recur, lines differ by mark and dashes, bars by their hatching.
+Where colours recur, lines differ by mark and dashes, bars by their hatching.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-#: Blue, orange, green, vermilion, purple, sky, grey, olive.
-COLOURS = (
-    "#0072b2",
-    "#bf8300",
-    "#009e73",
-    "#d55e00",
-    "#c773a1",
-    "#2b9bd6",
-    "#7a7f87",
-    "#8f8500",
-)
+from iout_marl.render.scene import Passed
+from iout_marl.render.style import COLOURS
+
 #: The one of them that is no hue.
 GREY = 6
-#: From the first slot to the last: their order shows by hue, and no end fades into a page.
-SLOTS = ("#7257cf", "#2f7fc4", "#1c9c83", "#62a52a", "#a89f06")
 #: As in the pictures of an environment: orange is energy, blue is data.
-CHARGED, HEARD, FAILED = COLOURS[1], COLOURS[0], COLOURS[3]
-NODE = COLOURS[GREY]
+LINKS = {Passed.CHARGE: COLOURS[1], Passed.PACKET: COLOURS[0], Passed.LOSS: COLOURS[3]}
 
 #: Marks: what matplotlib calls them, and what Plotly does. Their number shares no factor with
 #: that of the colours, so that the first 56 lines differ by these two alone.

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import fields
 
+from iout_marl.episode import Episode
 from iout_marl.evaluation import Estimate
 from iout_marl.metrics import TABLED, curve_title, described
-from iout_marl.report.content import Line, Plot, Table, Trajectory
-from iout_marl.report.intake import curves, walk_of
+from iout_marl.report.document import Table
+from iout_marl.report.figure import Axis, Line, Plot, Trajectory
+from iout_marl.report.intake import curves
 from iout_marl.report.measures import (
     bound_text,
     counted,
@@ -20,8 +22,8 @@ from iout_marl.report.measures import (
 from iout_marl.report.measures import metric as metric_text
 from iout_marl.study.results import Measured, Record, Results
 
-#: Places further apart than by this factor have a logarithmic axis.
-MOST_LINEAR = 100
+#: From this factor between the largest value and the smallest on, an axis is logarithmic.
+LOG_FROM = 100
 
 #: What every figure of a training shows.
 LEARNING = (
@@ -79,8 +81,19 @@ def metric_figure(
     metric: str,
     series: Sequence[str],
     remark: str = "",
+    *,
+    grouped: bool = False,
 ) -> Plot:
-    """A metric, by series, over the axis."""
+    """A metric, by series, over the axis.
+
+    Args:
+        results: of the study.
+        key, title: of the figure.
+        metric: its name.
+        series: names of the series.
+        remark: what its caption begins with.
+        grouped: whether the values of the axis are categories, each with a group of bars.
+    """
     shown = [
         name
         for name in series
@@ -107,93 +120,80 @@ def metric_figure(
         title=title,
         caption=" ".join(part for part in (remark, protocol(results, shown)) if part),
         command=results.command,
-        x_label=results.axis.label,
-        y_label=metric_heading(metric),
+        x=axis_of(results, lines, grouped=grouped),
+        y=Axis(metric_heading(metric)),
         lines=tuple(lines),
-        **over_axis(results, lines),
     )
 
 
-def over_axis(results: Results, lines: Sequence[Line]) -> dict[str, Any]:
-    """How a figure over the study's axis is drawn, as arguments of `Plot`.
+def axis_of(results: Results, lines: Sequence[Line], *, grouped: bool = False) -> Axis:
+    """The study's axis under these lines, one of numbers with a tick at each of them.
 
-    In the paper numbers of nodes are categories, each with a group of bars, and so is a single
-    place. Elsewhere an axis is one of numbers, by powers of ten where they span more than two.
+    It is logarithmic where they span two powers of ten. Where bars are grouped, and of a single
+    value, they are categories.
     """
-    places = sorted({x for line in lines for x in line.x})
-    if results.report == "paper" or len(places) < 2:
-        return {"kind": "bars", "categories": True}
+    places = {x for line in lines for x in line.x}
+    if grouped or len(places) < 2:
+        return Axis(results.axis.label, scale="categories")
     sizes = [abs(place) for place in places if place != 0]
-    return {"places": True, "log_x": max(sizes) / min(sizes) > MOST_LINEAR}
+    is_log = max(sizes) / min(sizes) >= LOG_FROM
+    return Axis(results.axis.label, "log" if is_log else "linear", ticks_at_values=True)
 
 
-def learning_figure(
-    results: Results, key: str, title: str, curve: str, series: Sequence[str], remark: str = ""
-) -> Plot:
-    """A quantity over environment steps, one line for each series and place on the axis."""
+def learning_figure(results: Results, key: str, title: str, curve: str, series: str) -> Plot:
+    """A quantity over environment steps of a series, one line for each place on the axis."""
     lines: list[Line] = []
-    for name in series:
-        for place in results.places(name):
-            records = [r for r in results.records(name, place) if r.training]
-            if curves(records, curve)[0]:
-                label = _place_label(results, name, place, series)
-                lines.append(_learning_line(label, records, curve, colour=len(lines)))
+    for place in results.places(series):
+        steps, values = curves(results.records(series, place), curve)
+        if steps:
+            ends = (values.min(axis=0), values.max(axis=0)) if len(values) > 1 else ((), ())
+            points = (steps, values.mean(axis=0), *ends)
+            x, y, low, high = (tuple(map(float, numbers)) for numbers in points)
+            lines.append(Line(at_place(results, place), x, y, low, high, colour=len(lines)))
     return Plot(
         key=key,
         title=title,
-        caption=f"{remark} {LEARNING}".strip(),
+        caption=LEARNING,
         command=results.command,
-        x_label="Environment steps",
-        y_label=curve_title(curve),
+        x=Axis("Environment steps"),
+        y=Axis(curve_title(curve)),
         lines=tuple(lines),
     )
 
 
-def _place_label(results: Results, name: str, place: float, series: Sequence[str]) -> str:
+def at_place(results: Results, place: float) -> str:
+    """`K = 3`."""
     symbol = {"nodes.count": "K", "auvs.count": "M"}.get(results.axis.key, results.axis.key)
-    where = f"{symbol} = {place_text(place)}"
-    return where if len(series) == 1 else f"{name}, {where}"
-
-
-def _learning_line(label: str, records: Sequence[Record], curve: str, colour: int) -> Line:
-    steps, values = curves(records, curve)
-    several = len(values) > 1
-    return Line(
-        label,
-        tuple(steps),
-        tuple(values.mean(axis=0).tolist()),
-        tuple(values.min(axis=0).tolist()) if several else (),
-        tuple(values.max(axis=0).tolist()) if several else (),
-        colour=colour,
-    )
+    return f"{symbol} = {place_text(place)}"
 
 
 def trajectory_figure(results: Results, key: str, series: str, place: float) -> Trajectory | None:
-    """The path of the first AUV of the first seed; None where nothing was trained."""
-    walks = ((r, walk_of(r)) for r in results.records(series, place) if r.episode)
-    record, walk = next(walks, (None, None))
-    if record is None or walk is None:
+    """An episode of the first seed; None where nothing was trained."""
+    found = ((r, e) for r in results.records(series, place) if (e := episode_of(r)))
+    record, episode = next(found, (None, None))
+    if record is None or episode is None:
         return None
-    deliveries = sum(slot[0] for slot in walk.delivered)
+    packets = sum(map(sum, episode.delivered))
     return Trajectory(
         key=key,
-        title=f"Path of {series} with {counted(record.nodes, 'node')}",
+        title=f"Path{'s' if record.auvs > 1 else ''} of {series} with "
+        f"{counted(record.nodes, 'node')}",
         caption=(
             f"One episode of the deterministic policy of seed {record.seed} on "
-            f"{record.scenario} ({record.scenario_hash}): {deliveries} of "
-            f"{counted(len(walk.delivered), 'slot')} deliver a packet; mean AoI "
+            f"{record.scenario} ({record.scenario_hash}): {counted(packets, 'packet')} delivered "
+            f"in {counted(len(episode.delivered), 'slot')}; mean AoI "
             f"{metric_mean(record.mean('mean_aoi'), 'mean_aoi')}."
         ),
         command=results.command,
-        grid=walk.grid,
-        spacing_m=walk.spacing_m,
-        nodes=walk.nodes,
-        path=tuple(slot[0] for slot in walk.path),
-        charged=tuple(slot[0] for slot in walk.charged),
-        heard=tuple(slot[0] for slot in walk.heard),
-        delivered=tuple(slot[0] for slot in walk.delivered),
-        ages=walk.ages,
+        episode=episode,
     )
+
+
+def episode_of(record: Record) -> Episode | None:
+    """The episode of a record, which was checked when it was read; None where it has none."""
+    if record.episode is None:
+        return None
+    return Episode(**{field.name: record.episode[field.name] for field in fields(Episode)})
 
 
 def metrics_table(
@@ -202,7 +202,6 @@ def metrics_table(
     title: str,
     series: Sequence[str],
     metrics: Sequence[str] = TABLED,
-    remark: str = "",
 ) -> Table:
     """Metrics with their intervals, a row for each series and place on the axis."""
     shown = [name for name in series if results.records(name)]
@@ -219,7 +218,7 @@ def metrics_table(
     return Table(
         key=key,
         title=title,
-        caption=" ".join(part for part in (remark, protocol(results, shown)) if part),
+        caption=protocol(results, shown),
         command=results.command,
         columns=("Series", results.axis.label, *map(metric_heading, metrics)),
         rows=tuple(rows),

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from iout_marl.errors import InputError
 from iout_marl.files import write_together
-from iout_marl.report.content import Report, to_csv
+from iout_marl.report.document import Report, to_csv
+from iout_marl.report.matplotlib_writer import draw
 from iout_marl.report.page import render_page
-from iout_marl.report.static import draw
 
 
 def write_report(report: Report, folder: Path) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from iout_marl.bounds import USUAL_SECONDS
-from iout_marl.errors import did_you_mean
+from iout_marl.errors import InputError, did_you_mean
 from iout_marl.policies import UNTRAINED, PlannerPolicy
+from iout_marl.report.registry import report_named
 from iout_marl.scenario.fields import Count, Section, invalid
 from iout_marl.scenario.layers import Layer, read_file
 from iout_marl.scenario.problems import validate
@@ -31,8 +32,19 @@ Episodes: TypeAlias = Annotated[int, Field(ge=1, le=100_000)]
 #: How long searches may take: so many rounds, so many seconds (four months).
 Rounds: TypeAlias = Annotated[int, Field(ge=0, le=10**9)]
 Seconds: TypeAlias = Annotated[float, Field(ge=0, le=1e7)]
-#: `paper` answers the paper's claims, `plain` shows every series over the axis.
-Report: TypeAlias = Literal["paper", "plain"]
+
+
+def _registered(report: str) -> str:
+    try:
+        report_named(report)
+    except InputError as error:
+        raise invalid((), str(error)) from None
+    return report
+
+
+#: The name of a report: `plain` shows every series over the axis, `paper` answers the paper's
+#: claims; others are registered by users.
+Report: TypeAlias = Annotated[Words, AfterValidator(_registered)]
 
 
 def _as_is() -> dict[str, Settings]:

@@ -16,8 +16,8 @@ from campaigns.campaign import Campaign, Tally
 from iout_marl import InputError
 from iout_marl.files import parse_json
 from iout_marl.report.build import build_report
-from iout_marl.report.interactive import plotly_json
 from iout_marl.report.markdown import render_markdown
+from iout_marl.report.plotly_writer import plotly_json
 from iout_marl.report.writer import write_report
 from iout_marl.study import expand, load_study
 from iout_marl.study.results import read_record, read_results

@@ -167,7 +167,7 @@ class TestStudies:
         (overview,) = (part for part in report.sections if part.key == "overview")
         keys = [item.key for item in overview.items]
         assert keys == [*metrics.DRAWN, "metric-1", "metric-2", "metric-3", "metrics"]
-        assert overview.items[3].y_label == "Worst wait in slots"
+        assert overview.items[3].y.label == "Worst wait in slots"
         table = overview.items[-1]
         assert table.columns[-3:] == ("Worst wait in slots", "Failed", "<b>drained in J")
         assert all(cell != "–" for row in table.rows for cell in row)

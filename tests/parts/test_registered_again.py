@@ -154,7 +154,7 @@ def played(scenario):
     for action in actions:
         masks.append(world.action_mask(state))
         state, events = world.step(state, action)
-    snapshot = Snapshot.of(world, state, events)
+    snapshot = Snapshot.from_world(world, state, events)
     observer = world.observer
     ranges = [[r.low, r.high, r.scale] for r in (observer.agent_ranges, observer.state_ranges)]
     shown = as_text(snapshot), as_picture(snapshot), energy_outlook(scenario)

@@ -14,6 +14,8 @@ from iout_marl.policies import make_baseline
 from iout_marl.render import Snapshot, as_picture, as_text, print_text
 from iout_marl.render.labels import auv_name, energy_text
 from iout_marl.render.layout import axis_top, freest, place_auvs, place_nodes, round_step
+from iout_marl.render.projection import FROM_ABOVE, Projection
+from iout_marl.render.scene import Link, Passed, Scene
 from iout_marl.scenario import load_scenario
 from iout_marl.world import World, node_codes
 
@@ -53,7 +55,7 @@ def play(scenario, overrides=(), slots=0, policy="random-walk"):
     for _ in range(slots):
         action = make_baseline(policy).act(world, state, rng)
         state, events = world.step(state, action)
-    return Snapshot.of(world, state, events)
+    return Snapshot.from_world(world, state, events)
 
 
 def situation(name):
@@ -86,7 +88,7 @@ def test_snapshot_is_that_of_the_environment_asked_for():
     world = World(load_scenario("paper/k3-tdd"), num_envs=2)
     state = world.reset(node_codes(world.scenario, world.grid, [np.random.default_rng(0)] * 2))
     state, events = world.step(state, np.array([[[0, 1]], [[3, 2]]]))
-    first, second = (Snapshot.of(world, state, events, env) for env in range(2))
+    first, second = (Snapshot.from_world(world, state, events, env) for env in range(2))
     assert first.auv_positions.tolist() == [[6, 5, 2]]
     assert second.auv_positions.tolist() == [[5, 4, 2]]
     assert (first.charged.tolist(), second.heard.tolist()) == ([1], [2])
@@ -99,7 +101,7 @@ def test_snapshot_is_that_of_the_environment_asked_for():
 def test_snapshot_outlives_the_state():
     world = World(load_scenario("paper/k3-fdd"))
     state = world.reset(node_codes(world.scenario, world.grid, [np.random.default_rng(0)]))
-    snapshot = Snapshot.of(world, state, None)
+    snapshot = Snapshot.from_world(world, state, None)
     state.age[:] = 7
     state.energy_j[:] = 7
     assert snapshot.ages.tolist() == [1, 1, 1]
@@ -130,9 +132,9 @@ FAR = [0.0, 5e-324, 1e-300, 1e-15, 1.0, 1e9, 1e60, 1e300, np.finfo(float).max, -
     "change",
     [
         {"ages": np.array(FAR), "maximum_age": 1e16, "mean_age": 1e15},
-        {"energies_j": np.array(FAR), "price_j": 1e-300, "total_harvested_j": 1e300},
+        {"energies_j": np.array(FAR), "reference_energy_j": 1e-300, "total_harvested_j": 1e300},
         {"ages": EVERYTHING, "maximum_age": np.inf, "mean_age": np.inf, "jain": np.nan},
-        {"energies_j": NOTHING, "price_j": np.nan, "total_harvested_j": np.nan},
+        {"energies_j": NOTHING, "reference_energy_j": np.nan, "total_harvested_j": np.nan},
         {"ages": NOTHING, "energies_j": EVERYTHING, "maximum_age": 0.0},
         {"slot": 10**12, "num_slots": 0},
         {"title": "能量 <b>$x_1$</b> \u202e\\frac{ `q` \0\n" + "x" * 10_000},
@@ -347,3 +349,27 @@ def test_auvs_are_named_as_columns_of_a_sheet():
 
 def test_steps_are_round():
     assert [round_step(x) for x in (0.1, 1, 1.5, 3, 7, 14, 450)] == [1, 1, 2, 5, 10, 20, 500]
+
+
+def test_pictures_do_not_depend_on_those_before_them(fdd_picture):
+    """What stays from one picture to the next is kept."""
+    others = ["tdd", "one-cell", "40-nodes", "fdd"]
+    *_, again = (as_picture(situation(name)) for name in others)
+    np.testing.assert_array_equal(again, fdd_picture)
+
+
+def test_a_film_may_show_where_auvs_came_from(fdd):
+    """A scene with a path has a trail beside all that a slot has."""
+    from matplotlib.figure import Figure
+
+    still = Scene.from_snapshot(fdd)
+    before = fdd.auv_positions + np.array([[[2, 0, 0]], [[1, 0, 0]], [[0, 0, 0]]])
+    moving = replace(still, path=before, earlier=(Link(Passed.LOSS, 1, 0, 3),))
+    counts = []
+    for scene in (still, moving):
+        figure = Figure(figsize=(4, 4), dpi=100)
+        projection = Projection(figure, FROM_ABOVE, scene.grid_shape, (20, 20, 360, 360))
+        projection.draw(scene, np.ones((fdd.num_nodes, 4)))
+        trails = [c for c in figure.artists if len(getattr(c, "get_segments", list)()) == 2]
+        counts.append(len(trails))
+    assert counts == [0, 1]

@@ -5,7 +5,7 @@ import random
 from fake_results import episode
 
 from iout_marl.metrics import described
-from iout_marl.report.names import BASELINES, BEST, LONGER_TDD, TRAINED, in_fdd
+from iout_marl.paper.names import BASELINES, BEST, LONGER_TDD, TRAINED, in_fdd
 from iout_marl.study.fields import LARGEST, LONGEST
 from iout_marl.study.records import (
     CURVES,

@@ -2,7 +2,7 @@
 
 import json
 
-from iout_marl.report.interactive import plotly_json
+from iout_marl.report.plotly_writer import plotly_json
 
 
 def traces(figure, **wanted):

@@ -2,16 +2,9 @@
 
 import math
 
-from iout_marl.report.content import (
-    Answer,
-    Answers,
-    Line,
-    Plot,
-    Report,
-    Section,
-    Table,
-    Trajectory,
-)
+from iout_marl.episode import Episode
+from iout_marl.report.document import Answer, Answers, Report, Section, Table
+from iout_marl.report.figure import Axis, Line, Plot, Trajectory
 
 NAN = math.nan
 COMMAND = "iout reproduce --seeds 1-5 --only 'fig5 & fig6' --out runs/<name>"
@@ -39,8 +32,8 @@ TRAINING = Plot(
     caption="Mean AoI of 5 seeds, 20 episodes each; bands are 95 % intervals of the mean over "
     "seeds (Student's t, `df = 4`). Where a seed has failed, no interval is drawn.",
     command=COMMAND,
-    x_label="environment steps",
-    y_label="mean AoI in slots",
+    x=Axis("environment steps"),
+    y=Axis("mean AoI in slots"),
     lines=(
         banded("PPO, FDD", 0),
         banded("PPO, TDD", 1.5, holes=(20, 21, 22, 40)),
@@ -53,10 +46,8 @@ NODES = Plot(
     title="Mean AoI over the number of nodes K",
     caption="Bars are 95 % intervals; K = 10 of `round-robin` was run once and has none.",
     command=COMMAND,
-    x_label="number of nodes K",
-    y_label="mean AoI in slots",
-    categories=True,
-    y_range=(0, 40),
+    x=Axis("number of nodes K", ticks_at_values=True),
+    y=Axis("mean AoI in slots", limits=(0, 40)),
     lines=tuple(
         Line(
             f"{name}, {duplex}",
@@ -79,10 +70,8 @@ BARS = Plot(
     title="Harvested energy by method",
     caption="Total of an episode. ηₑ = 0.7; intervals over seeds.",
     command="iout reproduce --only fig6",
-    x_label="number of nodes K",
-    y_label="energy in kJ",
-    kind="bars",
-    categories=True,
+    x=Axis("number of nodes K", scale="categories"),
+    y=Axis("energy in kJ"),
     lines=(
         Line("PPO", (3, 5, 10), (12.0, 19.0, 31.0), (11.0, 17.5, 29.0), (13.0, 20.5, 33.0)),
         Line("greedy", (3, 5, 10), (9.0, 14.0, 22.0), (8.0, NAN, 20.0), (10.0, NAN, 24.0)),
@@ -94,11 +83,8 @@ LOG_BARS = Plot(
     title="Steps per second",
     caption="Batched and unbatched, on a logarithmic scale.",
     command="make bench",
-    x_label="environments at once",
-    y_label="steps per second",
-    kind="bars",
-    categories=True,
-    log_y=True,
+    x=Axis("environments at once", scale="categories"),
+    y=Axis("steps per second", scale="log"),
     lines=(
         Line("this environment", (1, 64, 4096), (310.0, 14_000.0, 210_000.0)),
         Line("scalar loops", (1, 64, 4096), (290.0, 300.0, 301.0)),
@@ -109,11 +95,8 @@ LOG = Plot(
     title="Received power over range",
     caption="Both axes are logarithmic; the interval of the last points reaches below 0.",
     command="iout reproduce --only ranges",
-    x_label="range in m",
-    y_label="received power in W",
-    log_x=True,
-    log_y=True,
-    x_range=(1, 2000),
+    x=Axis("range in m", scale="log", limits=(1, 2000)),
+    y=Axis("received power in W", scale="log"),
     lines=(
         Line(
             "spherical spreading, 20·log₁₀(r) + α·r",
@@ -131,7 +114,7 @@ LOG = Plot(
 def _trajectory(slots=120):
     nodes = ((2, 2, 4), (9, 3, 3), (5, 9, 5), (8, 8, 1))
     x, y, z = 5, 5, 2
-    path, charged, heard, delivered, ages = [(x, y, z)], [], [], [], []
+    path, charged, heard, delivered, ages = [[(x, y, z)]], [], [], [], []
     age = [1] * len(nodes)
     for slot in range(slots):
         goal = nodes[slot // 15 % len(nodes)]
@@ -142,25 +125,18 @@ def _trajectory(slots=120):
         hears = near if slot % 4 == 3 else 0
         arrived = hears > 0 and slot % 12 != 11
         age = [1 if arrived and i + 1 == hears else value + 1 for i, value in enumerate(age)]
-        path.append((x, y, z))
-        charged.append(near if slot % 4 < 3 and slot % 7 else 0)
-        heard.append(hears)
-        delivered.append(arrived)
-        ages.append(tuple(age))
+        path.append([(x, y, z)])
+        charged.append([near if slot % 4 < 3 and slot % 7 else 0])
+        heard.append([hears])
+        delivered.append([arrived])
+        ages.append(age)
     return Trajectory(
         key="trajectory",
         title="An episode of the trained policy",
         caption="Seed 1, the first 120 slots: the path of the AUV, coloured by slot. Cells are "
         "50 m wide; turn the figure by dragging it.",
         command="iout trajectory --seed 1",
-        grid=(10, 10, 5),
-        spacing_m=50,
-        nodes=nodes,
-        path=tuple(path),
-        charged=tuple(charged),
-        heard=tuple(heard),
-        delivered=tuple(delivered),
-        ages=tuple(ages),
+        episode=Episode([10, 10, 5], 50, nodes, path, charged, heard, delivered, ages),
     )
 
 

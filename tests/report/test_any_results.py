@@ -12,11 +12,12 @@ from fake_results import record, results
 from iout_marl.errors import InputError
 from iout_marl.files import parse_json
 from iout_marl.report.build import build_report
-from iout_marl.report.content import Plot, Table
-from iout_marl.report.interactive import plotly_json
+from iout_marl.report.document import Table
+from iout_marl.report.figure import Plot
 from iout_marl.report.markdown import render_markdown
+from iout_marl.report.matplotlib_writer import draw
 from iout_marl.report.page import render_page
-from iout_marl.report.static import draw
+from iout_marl.report.plotly_writer import plotly_json
 from iout_marl.study.results import Failure, Results, validated
 
 

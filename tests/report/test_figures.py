@@ -19,11 +19,13 @@ from report_sample import BARS, FIGURES, LOG, NODES, SAMPLE, TRAINING, TRAJECTOR
 
 from iout_marl.errors import InputError
 from iout_marl.files import parse_json
+from iout_marl.render.scene import Passed
 from iout_marl.report import palette
-from iout_marl.report.content import Line, Report, Section, to_csv
-from iout_marl.report.interactive import plotly_json
+from iout_marl.report.document import Report, Section, to_csv
+from iout_marl.report.figure import Axis, Line
+from iout_marl.report.matplotlib_writer import draw
 from iout_marl.report.page import render_page
-from iout_marl.report.static import draw
+from iout_marl.report.plotly_writer import plotly_json
 from iout_marl.report.writer import write_report
 
 each_figure = pytest.mark.parametrize("figure", FIGURES, ids=lambda figure: figure.key)
@@ -69,14 +71,15 @@ def test_pictures_leave_settings_of_matplotlib_alone():
 
 
 def test_dollar_signs_are_no_formulas():
-    draw(replace(BARS, x_label="price in $", y_label=r"a $\broken formula", lines=BARS.lines))
+    draw(replace(BARS, x=Axis("price in $", scale="categories"), y=Axis(r"a $\broken formula")))
 
 
-@pytest.mark.parametrize("kind", ["lines", "bars"])
-def test_plot_of_one_point_or_none_is_drawn(kind):
+@pytest.mark.parametrize("scale", ["linear", "log", "categories"])
+def test_plot_of_one_point_or_none_is_drawn(scale):
     for lines in ((), (Line("alone", (3,), (1.0,)),), (Line("unknown", (3,), (math.nan,)),)):
         for log in (False, True):
-            plot = replace(BARS, kind=kind, lines=lines, log_y=log, log_x=log, categories=not log)
+            y = Axis("y", scale="log" if log else "linear")
+            plot = replace(BARS, lines=lines, x=Axis("x", scale=scale), y=y)
             assert draw(plot)["png"]
             json.loads(plotly_json(plot))
 
@@ -146,34 +149,36 @@ def test_ground_is_the_pages(figure):
 
 def test_trajectory_has_path_nodes_and_what_was_charged_and_heard():
     (path,) = traces(TRAJECTORY, mode="lines", showlegend=False)
-    assert list(zip(path["x"], path["y"], path["z"], strict=True)) == list(TRAJECTORY.path)
+    episode = TRAJECTORY.episode
+    way = [cell for (cell,) in episode.path]
+    assert list(zip(path["x"], path["y"], path["z"], strict=True)) == way
     assert path["line"]["color"] == list(range(121))
     (nodes,) = traces(TRAJECTORY, name="nodes")
-    assert list(zip(nodes["x"], nodes["y"], nodes["z"], strict=True)) == list(TRAJECTORY.nodes)
+    assert list(zip(nodes["x"], nodes["y"], nodes["z"], strict=True)) == list(episode.nodes)
     assert nodes["text"] == ["1", "2", "3", "4"]
 
-    slots = list(zip(TRAJECTORY.path[1:], TRAJECTORY.heard, TRAJECTORY.delivered, strict=True))
-    for name, arrived, colour in (
-        ("heard, packet delivered", True, palette.HEARD),
-        ("heard, packet lost", False, palette.FAILED),
-    ):
-        (links,) = traces(TRAJECTORY, name=name)
+    heard = [(node, ok) for (node,), (ok,) in zip(episode.heard, episode.delivered, strict=True)]
+    slots = list(zip(way[1:], heard, strict=True))
+    for what, arrived in ((Passed.PACKET, True), (Passed.LOSS, False)):
+        (links,) = traces(TRAJECTORY, name=what.value)
         places = list(zip(links["x"], links["y"], links["z"], strict=True))
         found = set(zip(places[::3], places[1::3], strict=True))
         assert found == {
-            (cell, TRAJECTORY.nodes[node - 1]) for cell, node, ok in slots if node and ok == arrived
+            (cell, episode.nodes[node - 1]) for cell, (node, ok) in slots if node and ok == arrived
         }
-        assert links["line"]["color"] == colour
-    assert traces(TRAJECTORY, name="charged")[0]["line"]["color"] == palette.CHARGED
+        assert links["line"]["color"] == palette.LINKS[what]
+    (charging,) = traces(TRAJECTORY, name=Passed.CHARGE.value)
+    assert charging["line"]["color"] == palette.LINKS[Passed.CHARGE]
 
 
 def test_pointing_at_a_cell_tells_slot_doings_and_ages():
     (cells,) = traces(TRAJECTORY, name="path of the AUV")
     told = "\n".join(cells["text"])
-    slot = next(i for i, node in enumerate(TRAJECTORY.heard) if node)
-    ages = " ".join(map(str, TRAJECTORY.ages[slot]))
-    arrived = "delivered" if TRAJECTORY.delivered[slot] else "lost"
-    doing = f"hears node {TRAJECTORY.heard[slot]}: packet {arrived}"
+    episode = TRAJECTORY.episode
+    slot = next(i for i, (node,) in enumerate(episode.heard) if node)
+    ages = " ".join(map(str, episode.ages[slot]))
+    arrived = "delivered" if episode.delivered[slot][0] else "lost"
+    doing = f"hears node {episode.heard[slot][0]}: packet {arrived}"
     assert f"<b>slot {slot + 1}</b>: {doing}<br>   ages {ages}" in told
 
 
@@ -204,10 +209,10 @@ def test_csv_has_the_values_of_the_data(figure):
     head, *rows = csv.reader(io.StringIO(to_csv(figure.rows())))
     if figure is TRAJECTORY:
         assert len(rows) == 120
-        assert tuple(map(int, rows[7][1:4])) == figure.path[8]
-        assert tuple(map(int, rows[7][7:])) == figure.ages[7]
+        assert tuple(map(int, rows[7][2:5])) == figure.episode.path[8][0]
+        assert list(map(int, rows[7][8:])) == figure.episode.ages[7]
         return
-    assert head == ["series", figure.x_label, figure.y_label, "ci95_low", "ci95_high"]
+    assert head == ["series", figure.x.label, figure.y.label, "ci95_low", "ci95_high"]
     expected = [
         (line.name, x, y) for line in figure.lines for x, y in zip(line.x, line.y, strict=True)
     ]

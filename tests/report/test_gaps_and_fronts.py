@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iout_marl.report.build import build_report
-from iout_marl.report.content import Plot, Table
+from iout_marl.report.document import Table
+from iout_marl.report.figure import Plot
 from iout_marl.report.fronts import Point, front_section, pareto_front
 from iout_marl.report.gaps import best_known, gap_lead, gap_section, gaps_of
 from iout_marl.report.markdown import render_markdown
@@ -160,7 +161,7 @@ def test_front_is_what_nothing_dominates(found):
         assert first.mean_aoi < second.mean_aoi
 
 
-def test_fronts_are_drawn_world_by_world_and_tell_what_p1_prefers():
+def test_fronts_are_drawn_world_by_world_and_tell_what_their_product_prefers():
     made = results(
         [
             cell("w = 0", "ppo", 3, 0, 4.0, "a", jain=0.9),
@@ -183,6 +184,8 @@ def test_fronts_are_drawn_world_by_world_and_tell_what_p1_prefers():
         ("w = 9", "0", "1.0000", "5.00", "0.0000"),
     )
     told = section.paragraphs[1]
-    assert section.paragraphs[2].startswith("paper/k5: P1 prefers what is freshest, one of w = 0")
-    assert "P1 prefers one of w = 9 (mean AoI 5.00, J 1.0000" in told
+    assert section.paragraphs[2].startswith(
+        "paper/k5: the least (1 − J) · mean AoI is that of the freshest, a run of w = 0"
+    )
+    assert "mean AoI is that of a run of w = 9 (mean AoI 5.00, J 1.0000" in told
     assert "2 runs have a Jain's index of 1.000; their mean AoI goes from 5.00 to 30.00" in told

@@ -12,7 +12,8 @@ from report_sample import ANSWERS, FIGURES, SAMPLE, TRAJECTORY
 from watched import DESKTOP, PHONE, Watched
 
 from iout_marl.report.build import build_report
-from iout_marl.report.content import Plot, Table
+from iout_marl.report.document import Table
+from iout_marl.report.figure import Plot
 from iout_marl.report.page import render_page
 from iout_marl.study.results import read_results
 
@@ -40,6 +41,7 @@ def page(opened):
     """The page as on a light desktop. Whatever a test does, the page must not complain."""
     opened.page.set_viewport_size(DESKTOP)
     opened.page.emulate_media(color_scheme="light", media="screen")
+    wait_until(opened.page, "() => document.documentElement.dataset.theme === 'light'")
     yield opened.page
     assert opened.complaints == []
 
@@ -57,7 +59,7 @@ def test_every_figure_is_interactive(page):
 @pytest.mark.parametrize("plot", PLOTS, ids=lambda plot: plot.key)
 def test_every_line_and_bar_is_drawn(page, plot):
     drawn = page.locator(f"[id='plot-{plot.key}']")
-    if plot.kind == "bars":
+    if plot.x.is_categorical:
         shapes = drawn.locator(".barlayer .point > path")
         expected = sum(len(line.y) for line in plot.lines)
     else:

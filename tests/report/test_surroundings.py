@@ -17,7 +17,8 @@ from report_sample import BARS
 from iout_marl import World, load_scenario
 from iout_marl.render import Snapshot, as_picture
 from iout_marl.render.fonts import USUAL, fonts_for
-from iout_marl.report.static import draw
+from iout_marl.report.figure import Axis
+from iout_marl.report.matplotlib_writer import draw
 from iout_marl.world import node_codes
 
 FOLDER = Path(__file__).parent
@@ -188,12 +189,12 @@ def test_characters_without_a_font_are_one_sign_and_no_warning(font):
 def snapshot():
     world = World(load_scenario("paper/k3-tdd"))
     state = world.reset(node_codes(world.scenario, world.grid, [np.random.default_rng(0)]))
-    return Snapshot.of(world, state, None)
+    return Snapshot.from_world(world, state, None)
 
 
 def digests():
     lines = tuple(replace(line, name=f"{line.name} {FOREIGN}") for line in BARS.lines)
-    drawn = draw(replace(BARS, x_label=FOREIGN, y_label=FOREIGN, lines=lines))
+    drawn = draw(replace(BARS, x=Axis(FOREIGN, scale="categories"), y=Axis(FOREIGN), lines=lines))
     picture = as_picture(replace(snapshot(), title=f"a {FOREIGN}"))
     return [hashlib.sha256(d).hexdigest() for d in (drawn["png"], drawn["svg"], picture.tobytes())]
 

@@ -14,7 +14,7 @@ from watched import Watched
 from iout_marl.errors import InputError
 from iout_marl.render.labels import printable
 from iout_marl.report.build import build_report
-from iout_marl.report.content import Table, to_csv
+from iout_marl.report.document import Table, to_csv
 from iout_marl.report.markdown import render_markdown
 from iout_marl.report.markup import (
     as_data,
@@ -25,7 +25,7 @@ from iout_marl.report.markup import (
     plotly_text,
 )
 from iout_marl.report.page import render_page
-from iout_marl.report.series import LONGEST_NAME
+from iout_marl.report.plot_layout import LONGEST_NAME
 from iout_marl.report.writer import write_report
 from iout_marl.study.results import Failure, Results, validated
 

@@ -137,7 +137,11 @@ SAMPLES = ("cells", PLAYED, "record", "samples")
 TRAINING = ("cells", TRAINED, "record", "training")
 EPISODE = ("cells", TRAINED, "record", "episode")
 MISTAKES = {
-    "no such report": (("report",), "papers", "report: must be 'paper' or 'plain'"),
+    "no such report": (
+        ("report",),
+        "papers",
+        "report: unknown report 'papers'; did you mean 'paper'?",
+    ),
     "infinite place": (("cells", 0, "axis"), float("inf"), "Infinity is no number of JSON"),
     "place beyond all": (("cells", 0, "axis"), 1e300, r"cells[0].axis: must be less than"),
     "place in words": (("cells", 0, "axis"), "3", "cells[0].axis: must be a valid number"),

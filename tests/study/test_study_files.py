@@ -178,7 +178,7 @@ MISTAKES = {
     "unknown key": ({"gruops": {}}, "gruops: unknown key; did you mean 'groups'"),
     "unknown report": (
         {"report": "papers"},
-        "report: unknown value .papers.; did you mean .paper.",
+        "report: unknown report .papers.; did you mean .paper.",
     ),
     "axis of words": (
         {"axis": {"key": "reward.kind"}},

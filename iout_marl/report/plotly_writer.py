@@ -11,10 +11,10 @@ from typing import Any
 
 from iout_marl.files import to_json
 from iout_marl.report import palette
-from iout_marl.report.content import Figure, Plot
+from iout_marl.report.figure import Figure, Plot
 from iout_marl.report.markup import plotly_template, plotly_text
 from iout_marl.report.measures import place_text
-from iout_marl.report.series import (
+from iout_marl.report.plot_layout import (
     LONGEST_NAME,
     Series,
     is_drawn,
@@ -26,7 +26,7 @@ from iout_marl.report.series import (
     x_limits,
     y_limits,
 )
-from iout_marl.report.space import draw_space
+from iout_marl.report.trajectory_3d import draw_trajectory
 
 _LEGEND = {
     "orientation": "h",
@@ -41,7 +41,7 @@ _LEGEND = {
 
 def plotly_json(figure: Figure) -> str:
     """A figure for `Plotly.newPlot`: an object with `data` and `layout`."""
-    data, layout = _draw_plot(figure) if isinstance(figure, Plot) else draw_space(figure)
+    data, layout = _draw_plot(figure) if isinstance(figure, Plot) else draw_trajectory(figure)
     common = {
         "template": {},  # else several kB of defaults
         "paper_bgcolor": "rgba(0,0,0,0)",
@@ -68,7 +68,7 @@ def _without_nan(part: Any) -> Any:
 def _draw_plot(plot: Plot) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     series = lay_out(plot)
     data = [_band(one) for one in series if one.band and one.spans()]
-    data += [_bars(plot, one) if plot.kind == "bars" else _line(plot, one) for one in series]
+    data += [_bars(plot, one) if plot.x.is_categorical else _line(plot, one) for one in series]
     return data, {
         "xaxis": _x_axis(plot),
         "yaxis": _y_axis(plot),
@@ -105,24 +105,24 @@ def _log_axis(
 
 
 def _y_axis(plot: Plot) -> dict[str, Any]:
-    if plot.log_y:
+    if plot.y.is_log:
         values = (y for line in plot.lines for y in line.y)
-        return _log_axis(plot.y_label, y_limits(plot), values)
-    return _axis(plot.y_label, y_limits(plot))
+        return _log_axis(plot.y.label, y_limits(plot), values)
+    return _axis(plot.y.label, y_limits(plot))
 
 
 def _x_axis(plot: Plot) -> dict[str, Any]:
     if is_log_x(plot):
         values = (x for line in plot.lines for x in line.x)
-        axis = _log_axis(plot.x_label, x_limits(plot), values)
+        axis = _log_axis(plot.x.label, x_limits(plot), values)
     else:
-        axis = _axis(plot.x_label, x_limits(plot))
-    if not plot.at_places:
+        axis = _axis(plot.x.label, x_limits(plot))
+    if not plot.x.has_single_values:
         return axis
     places, labels = ticks(plot)
     ruler = {"tickmode": "array", "tickvals": places, "ticktext": labels}
     axis.pop("dtick", None)
-    return axis | ruler | {"showgrid": not plot.categories}
+    return axis | ruler | {"showgrid": not plot.x.is_categorical}
 
 
 def _entry(series: Series) -> dict[str, Any]:
@@ -138,9 +138,9 @@ def _hover(plot: Plot, series: Series) -> dict[str, Any]:
         text = f"{y:.4g}"
         if line.low and not math.isnan(line.low[i]):
             text += f"  [{line.low[i]:.4g}, {line.high[i]:.4g}]"
-        points.append([place_text(x) if plot.at_places else f"{x:g}", text])
+        points.append([place_text(x) if plot.x.has_single_values else f"{x:g}", text])
     name, across, along = (
-        plotly_template(text, LONGEST_NAME) for text in (line.name, plot.x_label, plot.y_label)
+        plotly_template(text, LONGEST_NAME) for text in (line.name, plot.x.label, plot.y.label)
     )
     template = (
         f"<b>{name}</b><br>{across}: %{{customdata[0]}}<br>{along}: %{{customdata[1]}}"

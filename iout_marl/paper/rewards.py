@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iout_marl.evaluation import Estimate
-from iout_marl.report.checks import Check, symbol
-from iout_marl.report.content import Table
+from iout_marl.paper.checks import Check, symbol
+from iout_marl.paper.names import BEST_FDD, BEST_TDD, FDD, TDD
+from iout_marl.report.document import Table
 from iout_marl.report.measures import (
     counted,
     fixed,
@@ -16,7 +17,6 @@ from iout_marl.report.measures import (
     samples,
 )
 from iout_marl.report.measures import metric as metric_text
-from iout_marl.report.names import BEST_FDD, BEST_TDD, FDD, TDD
 from iout_marl.report.study_figures import protocol
 from iout_marl.study.results import Results
 

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl import physics
-from iout_marl.report.content import Line, Plot, Table
-from iout_marl.report.sources import printed_energies
+from iout_marl.paper.paper_data import printed_energies
+from iout_marl.report.document import Table
+from iout_marl.report.figure import Axis, Line, Plot
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import LinkBudget
 
@@ -105,11 +106,9 @@ def energies_figure(command: str) -> Plot:
             f"rest is the uplink. They balance at {crossings}. Computed, without chance."
         ),
         command=command,
-        x_label="Distance in m",
-        y_label="Energy in J",
+        x=Axis("Distance in m", limits=(0, 600)),
+        y=Axis("Energy in J", scale="log"),
         lines=tuple(lines),
-        log_y=True,
-        x_range=(0, 600),
     )
 
 
@@ -145,14 +144,12 @@ def beta_star_figure(command: str) -> Plot:
             f"(g(β) = h(d)). β* reaches 0.9 at {ends}. Computed, without chance."
         ),
         command=command,
-        x_label="Distance d* in m",
-        y_label="β*",
+        x=Axis("Distance d* in m", scale="log"),
+        y=Axis("β*", limits=(0, 1)),
         lines=tuple(
             Line(f"{c.frequency_khz:g} kHz", tuple(c.distance_m.tolist()), tuple(c.beta.tolist()))
             for c in curves
         ),
-        log_x=True,
-        y_range=(0, 1),
     )
 
 

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from iout_marl.report.content import Table
+from iout_marl.paper.names import FDD, TDD
+from iout_marl.paper.paper_data import printed_costs
+from iout_marl.report.document import Table
 from iout_marl.report.markup import as_data
 from iout_marl.report.measures import (
     MOST_DIGITS,
@@ -17,8 +19,6 @@ from iout_marl.report.measures import (
     ratio,
     samples,
 )
-from iout_marl.report.names import FDD, TDD
-from iout_marl.report.sources import printed_costs
 from iout_marl.report.study_figures import seconds
 from iout_marl.scenario import load_scenario
 from iout_marl.study.results import Measured, Results

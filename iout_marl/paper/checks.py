@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from iout_marl.evaluation import Estimate
-from iout_marl.report.content import Verdict
-from iout_marl.report.measures import NO_BREAK, difference, number, percent, place_text, reduction
+from iout_marl.report.document import Verdict
+from iout_marl.report.measures import NO_BREAK, difference, number, percent, reduction
+from iout_marl.report.study_figures import at_place
 from iout_marl.study.results import Measured, Results
 
 #: "About x" leaves room for this share of x.
@@ -75,8 +76,7 @@ def about(value: float, target: float) -> bool:
 
 def symbol(results: Results, place: float) -> str:
     """`K = 3`, held together."""
-    name = {"nodes.count": "K", "auvs.count": "M"}.get(results.axis.key, results.axis.key)
-    return f"{name} = {place_text(place)}".replace(" ", NO_BREAK)
+    return at_place(results, place).replace(" ", NO_BREAK)
 
 
 def at_each_place(

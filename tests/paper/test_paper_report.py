@@ -7,15 +7,16 @@ from pathlib import Path
 import pytest
 from fake_results import paper_like, record, results
 
+from iout_marl.paper.claims import answers
+from iout_marl.paper.names import BEST
+from iout_marl.paper.report import COMPARED
+from iout_marl.paper.rewards import advice, judgements
 from iout_marl.report.build import build_report
-from iout_marl.report.claims import answers
-from iout_marl.report.content import Answers, Plot, Table, Trajectory
+from iout_marl.report.document import Answers, Table
+from iout_marl.report.figure import Plot, Trajectory
 from iout_marl.report.markdown import render_markdown
 from iout_marl.report.measures import number
-from iout_marl.report.names import BEST
 from iout_marl.report.page import render_page
-from iout_marl.report.paper import COMPARED
-from iout_marl.report.rewards import advice, judgements
 from iout_marl.study.results import read_results
 
 ROOT = Path(__file__).parents[2]

@@ -1,4 +1,4 @@
-"""The report of any study: its series over its axis, its trainings, its cells."""
+"""The report of any study, `plain`: series over the axis, trainings, paths, cells."""
 
 from __future__ import annotations
 
@@ -6,20 +6,27 @@ from collections import Counter
 
 from iout_marl.evaluation import METRICS
 from iout_marl.metrics import DRAWN, TABLED, described
-from iout_marl.report.content import Report, Section, Table
+from iout_marl.render.style import COLOURS
+from iout_marl.report.document import Report, Section, Table
 from iout_marl.report.fronts import front_section
 from iout_marl.report.gaps import gap_lead, gap_section
 from iout_marl.report.markup import as_data
 from iout_marl.report.measures import counted, duration, metric_mean, place_text
-from iout_marl.report.palette import COLOURS
-from iout_marl.report.study_figures import learning_figure, metric_figure, metrics_table
+from iout_marl.report.registry import reports
+from iout_marl.report.study_figures import (
+    learning_figure,
+    metric_figure,
+    metrics_table,
+    trajectory_figure,
+)
 from iout_marl.study.results import Results
 
-#: Series that a figure has room for.
-MOST_SERIES = 24
+#: Series that a figure has room for, and those whose paths are shown.
+MOST_SERIES, MOST_PATHS = 24, 4
 
 
-def plain_report(results: Results) -> Report:
+@reports.register("plain")
+def generic_report(results: Results) -> Report:
     """Every series over the axis."""
     first = described(DRAWN[0])
     best = min(
@@ -62,7 +69,11 @@ def plain_report(results: Results) -> Report:
         ),
     )
     sections = [gap_section(results), front_section(results), overview]
-    sections += [learning_section(results, results.series), cells_section(results)]
+    sections += [
+        learning_section(results, results.series),
+        paths_section(results),
+        cells_section(results),
+    ]
     return Report(
         title=results.title,
         lead=tuple(lead),
@@ -98,11 +109,27 @@ def learning_section(results: Results, series: list[str]) -> Section:
     tag = described(DRAWN[0]).tag
     trained = [n for n in series if any(r.training for r in results.records(n))]
     items = [
-        learning_figure(results, f"learning-{i + 1}", f"Learning curves: {name}", tag, [name])
+        learning_figure(results, f"learning-{i + 1}", f"Learning curves: {name}", tag, name)
         for i, name in enumerate(trained)
     ]
     shown = tuple(figure for figure in items if figure.lines)
     return Section("learning", "Learning curves", items=shown)
+
+
+def paths_section(results: Results) -> Section:
+    """An episode of each trained series, the first few, at its last place on the axis."""
+    trained = [n for n in results.series if any(r.episode for r in results.records(n))]
+    figures = [
+        trajectory_figure(results, f"path-{i + 1}", name, results.places(name)[-1])
+        for i, name in enumerate(trained[:MOST_PATHS])
+    ]
+    left_out = (f"The first {MOST_PATHS} of {len(trained)} trained series.",)
+    return Section(
+        "paths",
+        "Paths of trained AUVs",
+        paragraphs=left_out if len(trained) > MOST_PATHS else (),
+        items=tuple(figure for figure in figures if figure is not None),
+    )
 
 
 def cells_section(results: Results) -> Section:

@@ -8,10 +8,11 @@ from fake_results import paper_like
 from scipy import stats
 
 from iout_marl.evaluation import Estimate
-from iout_marl.report import link_figures
+from iout_marl.paper import link_figures
+from iout_marl.paper.checks import Check, Finding, verdict
+from iout_marl.paper.claims import CHECKS, COMPUTED, answers
+from iout_marl.paper.paper_data import claims
 from iout_marl.report.build import build_report
-from iout_marl.report.checks import Check, Finding, verdict
-from iout_marl.report.claims import CHECKS, COMPUTED, answers
 from iout_marl.report.markdown import render_markdown
 from iout_marl.report.measures import (
     counted,
@@ -23,7 +24,6 @@ from iout_marl.report.measures import (
     reduction,
 )
 from iout_marl.report.page import render_page
-from iout_marl.report.sources import claims
 from iout_marl.study.results import Measured
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import get_args
 
-from iout_marl.report.claims import answers
-from iout_marl.report.content import Answers, Plot, Report, Section, Verdict
-from iout_marl.report.gaps import gap_section
-from iout_marl.report.link_figures import beta_star_figure, energies_figure, energy_table
-from iout_marl.report.names import BASELINES, BEST, BEST_FDD, BEST_TDD, FDD, TDD, in_fdd
-from iout_marl.report.paper_tables import (
+from iout_marl.paper.claims import answers
+from iout_marl.paper.link_figures import beta_star_figure, energies_figure, energy_table
+from iout_marl.paper.names import BASELINES, BEST, BEST_FDD, BEST_TDD, FDD, TDD, in_fdd
+from iout_marl.paper.rewards import advice, judgements, terms_table
+from iout_marl.paper.tables import (
     constraint_table,
     cost_table,
     hyperparameter_table,
@@ -18,8 +18,10 @@ from iout_marl.report.paper_tables import (
     setting,
     trained_settings,
 )
-from iout_marl.report.plain import cells_section, facts
-from iout_marl.report.rewards import advice, judgements, terms_table
+from iout_marl.report.document import Answers, Report, Section, Verdict
+from iout_marl.report.figure import Plot
+from iout_marl.report.gaps import gap_section
+from iout_marl.report.generic import cells_section, facts
 from iout_marl.report.study_figures import (
     learning_figure,
     metric_figure,
@@ -32,6 +34,9 @@ from iout_marl.study.results import Results
 COMPARED = (*BASELINES, TDD, FDD)
 #: Everything in the FDD world, for a comparison on equal terms.
 EQUAL_TERMS = (*(in_fdd(name) for name in BASELINES), FDD)
+
+#: In the paper numbers of nodes are categories, each with a group of bars.
+metric_bars = partial(metric_figure, grouped=True)
 
 BEYOND = (
     "The paper's reward weighs the age by 1 − J: the fairer a policy, the less its reward "
@@ -47,7 +52,7 @@ def paper_report(results: Results) -> Report:
         Section("answers", "The paper's claims, one by one", items=(claims,)),
         _link(results),
         _performance(results),
-        gap_section(results),
+        gap_section(results, grouped=True),
         _learning(results),
         _paths(results),
         _cost(results),
@@ -64,13 +69,13 @@ def paper_report(results: Results) -> Report:
 
 def _lead(results: Results, claims: Answers) -> tuple[str, ...]:
     counts = [(v, claims.count(v)) for v in get_args(Verdict)]
-    told = ", ".join(f"{n} {v}" for v, n in counts if n)
+    verdicts = ", ".join(f"{n} {v}" for v, n in counts if n)
     provisionally = ", provisionally" if claims.provisional else ""
     lead = [
         results.description,
-        f"Of the paper's {len(claims.answers)} claims{provisionally}: {told}.",
+        f"Of the paper's {len(claims.answers)} claims{provisionally}: {verdicts}.",
     ]
-    lead += _settings_told(results)
+    lead += _other_settings(results)
     if results.quick:
         lead.append(
             "This is the study's short form (`--quick`): fewer K, one seed, shorter trainings. "
@@ -82,9 +87,9 @@ def _lead(results: Results, claims: Answers) -> tuple[str, ...]:
     return (*(text for text in lead if text), *judgements(results))
 
 
-def _settings_told(results: Results) -> list[str]:
+def _other_settings(results: Results) -> list[str]:
     """That policies were trained otherwise than the paper's, where they were."""
-    told = []
+    found = []
     for mode, name in (("tdd", TDD), ("fdd", FDD)):
         own, paper = trained_settings(results, mode), paper_settings(mode)
         differing = {"discount": "γ", "learning_rate": "learning rate", "steps": "steps"}
@@ -94,10 +99,10 @@ def _settings_told(results: Results) -> list[str]:
             if key in own and own[key] != paper[key]
         ]
         if parts:
-            told.append(f"{name}: {', '.join(parts)}")
-    if not told:
+            found.append(f"{name}: {', '.join(parts)}")
+    if not found:
         return []
-    return [f"Policies are not trained by the paper's settings. {'. '.join(told)}."]
+    return [f"Policies are not trained by the paper's settings. {'. '.join(found)}."]
 
 
 def _link(results: Results) -> Section:
@@ -115,12 +120,10 @@ def _performance(results: Results) -> Section:
     series = [name for name in COMPARED if results.records(name)]
     fdd = [name for name in EQUAL_TERMS if results.records(name)]
     figures: list[Plot] = [
-        metric_figure(results, "aoi", "Average Age of Information", "mean_aoi", series, ours),
-        metric_figure(results, "energy", "Total energy harvested", "harvested_kj", series, ours),
-        metric_figure(results, "jain", "Average Jain's fairness index", "jain", series, ours),
-        metric_figure(
-            results, "aoi-fdd", "Average AoI on equal terms: FDD", "mean_aoi", fdd, equal
-        ),
+        metric_bars(results, "aoi", "Average Age of Information", "mean_aoi", series, ours),
+        metric_bars(results, "energy", "Total energy harvested", "harvested_kj", series, ours),
+        metric_bars(results, "jain", "Average Jain's fairness index", "jain", series, ours),
+        metric_bars(results, "aoi-fdd", "Average AoI on equal terms: FDD", "mean_aoi", fdd, equal),
     ]
     tables = (
         metrics_table(results, "performance-table", "Performance in numbers", [*series, *fdd[:-1]]),
@@ -136,7 +139,7 @@ def _performance(results: Results) -> Section:
 def _learning(results: Results) -> Section:
     items = [
         learning_figure(
-            results, f"learning-{kind}-{mode}", f"Learning curves: {title}, {name}", curve, [name]
+            results, f"learning-{kind}-{mode}", f"Learning curves: {title}, {name}", curve, name
         )
         for mode, name in (("tdd", TDD), ("fdd", FDD))
         for kind, curve, title in (
@@ -172,7 +175,7 @@ def _cost(results: Results) -> Section:
 def _beyond(results: Results) -> Section:
     pairs: Sequence[tuple[str, str, str]] = (("tdd", TDD, BEST_TDD), ("fdd", FDD, BEST_FDD))
     figures = [
-        metric_figure(
+        metric_bars(
             results,
             f"reward-{mode}",
             f"The paper's reward and mean AoI alone: {mode.upper()}",

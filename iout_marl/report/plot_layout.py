@@ -6,12 +6,12 @@ import math
 import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import groupby, pairwise
+from itertools import groupby
 
 from rich.cells import cell_len
 
 from iout_marl.report import palette
-from iout_marl.report.content import Line, Plot
+from iout_marl.report.figure import Line, Plot
 from iout_marl.report.markup import plain_text
 from iout_marl.report.measures import place_text
 
@@ -39,7 +39,7 @@ class Series:
         x: places on the axis; for categories 0, 1, 2 ..., a little beside one another.
         y, low, high: values; on a logarithmic axis, intervals end at its smallest value.
         band: intervals are drawn as a band, else as error bars.
-        width: of a bar, in units of the axis.
+        width: of a bar, of which categories are 1 apart.
     """
 
     line: Line
@@ -63,11 +63,7 @@ def lay_out(plot: Plot) -> list[Series]:
     """The lines of a plot, in their order."""
     smallest = smallest_value(plot)
     count = len(plot.lines)
-    bars = plot.kind == "bars"
-    if bars:
-        step = 0.8 * _smallest_distance(plot) / max(count, 1)
-    else:
-        step = min(0.06, 0.24 / max(count, 1)) if plot.categories else 0.0
+    step = 0.8 / max(count, 1) if plot.x.is_categorical else 0.0
     position = positions(plot)
     entries = legend(plot)
     groups = {name: f"{i}" for i, name in enumerate({line.name: 0 for line in plot.lines})}
@@ -77,7 +73,7 @@ def lay_out(plot: Plot) -> list[Series]:
         unknown = (math.nan,) * len(line.y)
         y, low, high = (tuple(map(_drawn, v)) for v in (line.y, line.low, line.high))
         low, high = low or unknown, high or unknown
-        if plot.log_y:
+        if plot.y.is_log:
             y = tuple(value if value >= _SMALLEST else math.nan for value in y)
             low = tuple(max(value, smallest) if value == value else value for value in low)
             high = tuple(max(value, smallest) if value == value else value for value in high)
@@ -92,7 +88,7 @@ def lay_out(plot: Plot) -> list[Series]:
                 y=y,
                 low=tuple(a if k else math.nan for a, k in zip(low, known, strict=True)),
                 high=tuple(a if k else math.nan for a, k in zip(high, known, strict=True)),
-                band=not bars and not plot.at_places and line.joined and len(line.x) >= _BAND_FROM,
+                band=line.joined and len(line.x) >= _BAND_FROM and not plot.x.has_single_values,
                 width=0.92 * step,
             )
         )
@@ -135,7 +131,7 @@ def positions(plot: Plot) -> Callable[[float], float]:
     A logarithmic axis with values of 0 or below goes by powers of ten in both directions, the
     value that is next to 0 one power away from it.
     """
-    if plot.categories:
+    if plot.x.is_categorical:
         places = {x: float(i) for i, x in enumerate(_values(plot))}
         return places.__getitem__
     if not has_two_sides(plot):
@@ -152,12 +148,13 @@ def positions(plot: Plot) -> Callable[[float], float]:
 
 def has_two_sides(plot: Plot) -> bool:
     """Whether a logarithmic x axis must show 0, or values below."""
-    return plot.log_x and plot.at_places and min(_values(plot), default=1.0) < _SMALLEST
+    smallest = min(_values(plot), default=1.0)
+    return plot.x.is_log and plot.x.ticks_at_values and smallest < _SMALLEST
 
 
 def is_log_x(plot: Plot) -> bool:
     """Whether the x axis is logarithmic as drawn: positions are the values themselves."""
-    return plot.log_x and not plot.categories and not has_two_sides(plot)
+    return plot.x.is_log and not has_two_sides(plot)
 
 
 def _values(plot: Plot) -> list[float]:
@@ -168,7 +165,7 @@ def ticks(plot: Plot) -> tuple[list[float], list[str]]:
     """Where ticks are, and their labels: at the places, as many as have room."""
     position = positions(plot)
     where = [(position(x), place_text(x)) for x in _values(plot)]
-    if plot.categories:
+    if plot.x.is_categorical:
         every = -(-len(where) // _MOST_TICKS) or 1
         chosen = where[::every]
     else:
@@ -192,18 +189,18 @@ def smallest_value(plot: Plot) -> float:
 
 def x_limits(plot: Plot) -> tuple[float, float] | None:
     """Limits of the x axis; None where they are left to the data."""
-    if plot.categories:
+    if plot.x.is_categorical:
         return -0.6, len(_values(plot)) - 0.4
-    if plot.at_places:
-        return _around_places(plot)
-    if plot.x_range is not None or not plot.log_x:
-        return plot.x_range
+    if plot.x.ticks_at_values:
+        return _around_values(plot)
+    if plot.x.limits is not None or not plot.x.is_log:
+        return plot.x.limits
     points = (point for line in plot.lines for point in zip(line.x, line.y, strict=True))
-    seen = (is_drawn(x) and (is_drawn(y) if plot.log_y else y == y) for x, y in points)
+    seen = (is_drawn(x) and (is_drawn(y) if plot.y.is_log else y == y) for x, y in points)
     return None if any(seen) else _NO_DATA
 
 
-def _around_places(plot: Plot) -> tuple[float, float] | None:
+def _around_values(plot: Plot) -> tuple[float, float] | None:
     """From the first to the last, with a little room beside them for their marks."""
     position = positions(plot)
     where = [p for p in map(position, _values(plot)) if not math.isnan(p)]
@@ -222,22 +219,15 @@ def y_limits(plot: Plot) -> tuple[float, float] | None:
     A bar on a logarithmic axis has no natural foot: it stands on the power of ten below
     the smallest value.
     """
-    if plot.y_range is not None:
-        low, high = (min(max(end, -_LARGEST), _LARGEST) for end in plot.y_range)
+    if plot.y.limits is not None:
+        low, high = (min(max(end, -_LARGEST), _LARGEST) for end in plot.y.limits)
         return low, high
-    if not plot.log_y:
+    if not plot.y.is_log:
         return None
     parts = [part for line in plot.lines for part in (line.y, line.high)]
     highest = max((value for part in parts for value in part if is_drawn(value)), default=None)
     if highest is None:
         return _NO_DATA
-    if plot.kind == "bars":
+    if plot.x.is_categorical:
         return 10.0 ** (math.ceil(math.log10(smallest_value(plot))) - 1), 1.5 * highest
     return None
-
-
-def _smallest_distance(plot: Plot) -> float:
-    if plot.categories:
-        return 1.0
-    places = list(map(positions(plot), _values(plot)))
-    return min((b - a for a, b in pairwise(places)), default=1.0)

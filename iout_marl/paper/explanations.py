@@ -8,8 +8,19 @@ from typing import TypeAlias
 
 import numpy as np
 
-from iout_marl.report.checks import pairs, symbol
-from iout_marl.report.intake import curves, walk_of
+from iout_marl.paper.checks import pairs, symbol
+from iout_marl.paper.names import (
+    BASELINES,
+    BEST_TDD,
+    FDD,
+    GREEDY,
+    LONGER_TDD,
+    RANDOM_WALK,
+    ROUND_ROBIN,
+    TDD,
+    in_fdd,
+)
+from iout_marl.report.intake import curves
 from iout_marl.report.measures import (
     MOST_DIGITS,
     counted,
@@ -22,18 +33,7 @@ from iout_marl.report.measures import (
     reduction,
     samples,
 )
-from iout_marl.report.names import (
-    BASELINES,
-    BEST_TDD,
-    FDD,
-    GREEDY,
-    LONGER_TDD,
-    RANDOM_WALK,
-    ROUND_ROBIN,
-    TDD,
-    in_fdd,
-)
-from iout_marl.report.study_figures import seconds
+from iout_marl.report.study_figures import episode_of, seconds
 from iout_marl.scenario import load_scenario
 from iout_marl.study.results import Results
 
@@ -285,33 +285,27 @@ def mean_distance_from_start_m(nodes: float) -> float | None:
 
 
 def unfair_seeds(results: Results) -> list[str]:
-    """Every seed, and the same world under another reward."""
-    lines = [f"{name}, by seed: {_seeds(results, name, 'jain', 3)}." for name in (TDD, FDD)]
-    lines += _longer(results, "jain", 3)
-    lines += _fewest_deliveries(results)
-    return lines
-
-
-def _longer(results: Results, metric_name: str, digits: int) -> list[str]:
-    """The same trained for longer, where the study does so."""
-    if not results.records(LONGER_TDD):
-        return []
-    return [f"{LONGER_TDD}, by seed: {_seeds(results, LONGER_TDD, metric_name, digits)}."]
+    """Every seed, and the same trained for longer."""
+    return [*_by_seed(results, "jain", 3), *_fewest_deliveries(results)]
 
 
 def late_seeds(results: Results) -> list[str]:
-    """Every seed, and the same world under another reward."""
-    lines = [
-        f"{name}, by seed: {_seeds(results, name, 'age_violations', 0)}." for name in (TDD, FDD)
-    ]
-    lines += _longer(results, "age_violations", 0)
-    lines += _fewest_deliveries(results)
+    """The same, and the same world under another reward."""
+    lines = [*_by_seed(results, "age_violations", 0), *_fewest_deliveries(results)]
     if results.records(BEST_TDD):
         lines.append(
             "Trained on mean AoI alone (better β rule), TDD, by seed: "
             f"{_seeds(results, BEST_TDD, 'age_violations', 0)}."
         )
     return lines
+
+
+def _by_seed(results: Results, metric_name: str, digits: int) -> list[str]:
+    longer = [LONGER_TDD] if results.records(LONGER_TDD) else []
+    return [
+        f"{name}, by seed: {_seeds(results, name, metric_name, digits)}."
+        for name in (TDD, FDD, *longer)
+    ]
 
 
 def _fewest_deliveries(results: Results) -> list[str]:
@@ -321,15 +315,15 @@ def _fewest_deliveries(results: Results) -> list[str]:
         for place in results.places(name):
             for record in results.records(name, place):
                 broken = samples([record], "age_violations") + samples([record], "jain_violation")
-                walk = walk_of(record)
-                if max(broken, default=0) <= 0 or walk is None or not walk.nodes:
+                episode = episode_of(record)
+                if max(broken, default=0) <= 0 or episode is None:
                     continue
-                heard = np.array(walk.heard, dtype=int)[np.array(walk.delivered, dtype=bool)]
-                counts = np.bincount(heard, minlength=len(walk.nodes) + 1)[1:]
+                heard = np.array(episode.heard)[np.array(episode.delivered)]
+                counts = np.bincount(heard, minlength=len(episode.nodes) + 1)[1:]
                 least = int(counts.argmin())
                 parts.append(
                     f"{name}, {symbol(results, place)}, seed {record.seed}: node {least + 1} at "
-                    f"{walk.nodes[least]} delivers {counts[least]} of "
+                    f"{tuple(episode.nodes[least])} delivers {counts[least]} of "
                     f"{counted(int(counts.sum()), 'packet')}"
                 )
     return [f"Who is left out: {'; '.join(parts)}."] if parts else []

@@ -7,14 +7,18 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.cells import cell_len
 
 from iout_marl.render import style
+from iout_marl.render.labels import auv_name
+from iout_marl.render.panel import Panel
+from iout_marl.render.projection import FROM_ABOVE, FROM_THE_SIDE, Projection, hull
+from iout_marl.render.scene import Passed, Scene
 from iout_marl.render.settings import drawing
-from iout_marl.report import palette
-from iout_marl.report.content import Figure, Plot, Trajectory
+from iout_marl.report.figure import Figure, Plot, Trajectory
 from iout_marl.report.markup import plain_text
-from iout_marl.report.series import (
+from iout_marl.report.plot_layout import (
     LONGEST_NAME,
     Series,
     is_log_x,
@@ -31,6 +35,11 @@ if TYPE_CHECKING:
 
 _DPI = 160
 _WIDTH_IN = 7.4
+#: Of a trajectory's picture: the map from above, the view from the side, the colours of slots.
+_MAP: style.Box = (44, 44, 360, 360)
+_SLOTS: style.Box = (416, 44, 8, 360)
+_PROFILE: style.Box = (500, 210, 224, 194)
+_MOST_AUVS = 5  # that have an entry in the legend
 _OPTIONS: Any = {
     "svg.hashsalt": "iout",  # else identifiers in the SVG are drawn by lot
     "svg.fonttype": "path",
@@ -70,7 +79,7 @@ def _words(figure: Figure) -> str:
     """All that a user has named and that is drawn."""
     if isinstance(figure, Trajectory):
         return ""
-    titles = title_lines(figure.x_label) + title_lines(figure.y_label)
+    titles = title_lines(figure.x.label) + title_lines(figure.y.label)
     names = (plain_text(figure.lines[i].name, LONGEST_NAME) for i in legend(figure))
     return "".join([*titles, *names])
 
@@ -89,7 +98,7 @@ def _draw_plot(plot: Plot, replaced: Mapping[int, str]) -> matplotlib.figure.Fig
     canvas = Canvas(figsize=(_WIDTH_IN, 3.9 + 0.2 * rows), layout="constrained", facecolor="white")
     axes: Any = canvas.add_subplot()
     for one in series:
-        if plot.kind == "bars":
+        if plot.x.is_categorical:
             _draw_bars(axes, one)
         else:
             _draw_line(axes, one)
@@ -119,7 +128,7 @@ def _legend_entry(plot: Plot, series: Series) -> Any:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    if plot.kind == "bars":
+    if plot.x.is_categorical:
         return Patch(**_bar_look(series))
     look = series.look
     return Line2D(
@@ -177,15 +186,15 @@ def _bar_look(series: Series) -> dict[str, Any]:
 def _set_axes(axes: Any, plot: Plot, replaced: Mapping[int, str]) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-    axes.set_xlabel("\n".join(title_lines(plot.x_label)).translate(replaced))
-    axes.set_ylabel("\n".join(title_lines(plot.y_label)).translate(replaced))
-    axes.grid(axis="y" if plot.categories else "both")
+    axes.set_xlabel("\n".join(title_lines(plot.x.label)).translate(replaced))
+    axes.set_ylabel("\n".join(title_lines(plot.y.label)).translate(replaced))
+    axes.grid(axis="y" if plot.x.is_categorical else "both")
     axes.spines[["top", "right"]].set_visible(False)
     # Before the scales, which look for data where no limits are set.
     for limits, set_limits in ((x_limits(plot), axes.set_xlim), (y_limits(plot), axes.set_ylim)):
         if limits is not None:
             set_limits(*limits)
-    for axis, logarithmic in (("x", is_log_x(plot)), ("y", plot.log_y)):
+    for axis, logarithmic in (("x", is_log_x(plot)), ("y", plot.y.is_log)):
         if not logarithmic:
             continue
         getattr(axes, f"set_{axis}scale")("log", nonpositive="clip")
@@ -196,87 +205,70 @@ def _set_axes(axes: Any, plot: Plot, replaced: Mapping[int, str]) -> None:
         # matplotlib's own powers of ten are formulas.
         ruler.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
         ruler.set_minor_formatter(NullFormatter())
-    if plot.at_places:  # after the scale, which has ticks of its own
+    if plot.x.has_single_values:  # after the scale, which has ticks of its own
         axes.set_xticks(*ticks(plot))
         axes.xaxis.set_minor_locator(NullLocator())
 
 
 def _draw_trajectory(trajectory: Trajectory) -> matplotlib.figure.Figure:
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import LinearSegmentedColormap, Normalize
+    """From above and from the side; below the latter, what is what."""
     from matplotlib.figure import Figure as Canvas
-    from matplotlib.lines import Line2D
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-    canvas = Canvas(figsize=(_WIDTH_IN, 4.9), facecolor="white")
-    axes: Any = canvas.add_axes((-0.02, 0.07, 0.9, 0.95), projection="3d")
-    slots = max(len(trajectory.path) - 1, 1)
-    colours = LinearSegmentedColormap.from_list("slots", palette.SLOTS)
-    shade = ScalarMappable(Normalize(0, slots), colours)
-
-    path = trajectory.path
-    steps = [path[i : i + 2] for i in range(len(path) - 1)]
-    if steps:
-        shades = colours([i / slots for i in range(len(steps))])
-        axes.add_collection3d(Line3DCollection(steps, colors=shades, linewidths=1.8))
-    for chosen, colour in (
-        (trajectory.charged, palette.CHARGED),
-        (trajectory.heard, palette.HEARD),
+    scene = trajectory.scene()
+    canvas = Canvas(figsize=(_WIDTH_IN, 4.4), dpi=style.DPI, facecolor="white")
+    cells = f", in cells of {trajectory.episode.spacing_m:g} m"
+    colours = np.tile(style.rgba(style.NODE), (len(scene.nodes), 1))
+    for view, box, title in (
+        (FROM_ABOVE, _MAP, f"From above{cells}"),
+        (FROM_THE_SIDE, _PROFILE, "From the side, z downwards"),
     ):
-        pairs = zip(path[1:], chosen, strict=True)
-        links = [(cell, trajectory.nodes[node - 1]) for cell, node in pairs if node]
-        if links:
-            thin = Line3DCollection(links, colors=colour, linewidths=0.6, alpha=0.35)
-            axes.add_collection3d(thin)
-    marks = {"depthshade": False, "zorder": 5}
-    done = [
-        (cell, ok)
-        for cell, heard, ok in zip(path[1:], trajectory.heard, trajectory.delivered, strict=True)
-        if heard
-    ]
-    for ok, label, mark, colour, size in (
-        (True, "packet delivered", "o", palette.HEARD, 26),
-        (False, "packet lost", "x", palette.FAILED, 34),
-    ):
-        cells = [cell for cell, arrived in done if arrived == ok]
-        if cells:
-            axes.scatter(
-                *zip(*cells, strict=True), marker=mark, c=colour, s=size, label=label, **marks
-            )
-    # Open marks, since an episode often starts or ends at a node.
-    for cell, label, mark in ((path[0], "start", "o"), (path[-1], "end", "s")):
-        look = {"facecolor": "none", "edgecolor": style.INK, "linewidth": 1.3}
-        axes.scatter(*cell, marker=mark, s=150, label=label, **look, **marks)
-    if trajectory.nodes:
-        nodes = zip(*trajectory.nodes, strict=True)
-        axes.scatter(*nodes, marker="D", s=55, c=palette.NODE, label="node", **marks)
-    for number, (x, y, z) in enumerate(trajectory.nodes, start=1):
-        axes.text(x, y, z - 0.3, f" {number}", fontsize=10, fontweight="bold", zorder=6)
-
-    _set_space(axes, trajectory)
-    bar = canvas.colorbar(shade, cax=canvas.add_axes((0.9, 0.27, 0.018, 0.5)))
-    bar.set_label("slot")
-    bar.outline.set_visible(False)
-    handles, labels = axes.get_legend_handles_labels()
-    for colour, label in ((palette.CHARGED, "charges"), (palette.HEARD, "hears")):
-        handles.append(Line2D([], [], color=colour, linewidth=1.2))
-        labels.append(label)
-    canvas.legend(handles, labels, loc="lower center", ncols=7, frameon=False, fontsize=8.5)
+        projection = Projection(canvas, view, scene.grid_shape, box)
+        projection.draw_grid(title)
+        projection.draw(scene, colours)
+    if scene.num_auvs == 1:
+        slots = len(scene.path) - 1
+        panel = Panel(canvas, _SLOTS, across=(0, 1), along=(0, slots))
+        panel.fill(list(style.slot_colours(128)))
+        panel.number_along([0, slots], right=True)
+        panel.write_right("slot")
+    canvas.legend(
+        handles=_trajectory_entries(scene),
+        loc="lower left",
+        bbox_to_anchor=(_PROFILE[0] / style.DPI / _WIDTH_IN - 0.012, 0.02),
+        ncols=2,
+        frameon=False,
+        fontsize=8.5,
+    )
     return canvas
 
 
-def _set_space(axes: Any, trajectory: Trajectory) -> None:
-    from matplotlib.ticker import MaxNLocator
+def _trajectory_entries(scene: Scene) -> list[Any]:
+    from matplotlib.lines import Line2D
 
-    size = trajectory.grid
-    for axis, cells in zip("xyz", size, strict=True):
-        ends = (0.5, cells + 0.5) if axis != "z" else (cells + 0.5, 0.5)  # z is the depth
-        getattr(axes, f"set_{axis}lim")(*ends)
-        label = f"{'depth ' if axis == 'z' else ''}{axis}"
-        getattr(axes, f"set_{axis}label")(f"{label}, cells of {trajectory.spacing_m:g} m")
-        ruler = getattr(axes, f"{axis}axis")
-        ruler.set_major_locator(MaxNLocator(integer=True, nbins=6))
-        ruler.pane.set_facecolor("#f6f8fa")
-        ruler.pane.set_edgecolor(style.HAIRLINE)
-    axes.set_box_aspect([max(n / max(size), 0.45) for n in size], zoom=1.12)
-    axes.view_init(elev=24, azim=-58)
+    def entry(label: str, **options: Any) -> Line2D:
+        return Line2D([], [], label=label, **options)
+
+    nose: dict[str, Any] = {"ls": "none", "marker": hull(), "ms": 18, "mec": "none"}
+    ends = [("end", style.AUV)]
+    if scene.num_auvs > 1:
+        shown = range(min(scene.num_auvs, _MOST_AUVS))
+        ends = [(f"AUV {auv_name(auv)}", style.auv_colour(auv)) for auv in shown]
+    links = [
+        entry(
+            what.value,
+            color=style.LINKS[what],
+            lw=1.2,
+            ls=style.DASHES[what],
+            marker=style.MARKS.get(what, ""),
+            ms=5,
+            mew=0,
+        )
+        for what in Passed
+    ]
+    circle: dict[str, Any] = {"ls": "none", "marker": "o"}
+    return [
+        *links,
+        entry("node", mfc=style.NODE, mec=style.INK, ms=9, mew=0.5, **circle),
+        entry("start", mfc="none", mec=style.INK, ms=9, mew=1.3, **circle),
+        *(entry(label, mfc=colour, **nose) for label, colour in ends),
+    ]

@@ -13,8 +13,8 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
-from iout_marl.report import explanations
-from iout_marl.report.checks import (
+from iout_marl.paper import explanations
+from iout_marl.paper.checks import (
     ABOUT,
     Check,
     Finding,
@@ -29,17 +29,17 @@ from iout_marl.report.checks import (
     verdict,
     within,
 )
-from iout_marl.report.content import Answer, Answers
-from iout_marl.report.link_figures import (
+from iout_marl.paper.link_figures import (
     beta_star_curves,
     energy_cells,
     harvest_and_requirement,
     normalised_square_error,
 )
+from iout_marl.paper.names import BASELINES, FDD, GREEDY, RANDOM_WALK, ROUND_ROBIN, TDD, in_fdd
+from iout_marl.paper.paper_data import claims
+from iout_marl.paper.tables import energy_kwh
+from iout_marl.report.document import Answer, Answers
 from iout_marl.report.measures import difference, fixed, number, reduction, samples
-from iout_marl.report.names import BASELINES, FDD, GREEDY, RANDOM_WALK, ROUND_ROBIN, TDD, in_fdd
-from iout_marl.report.paper_tables import energy_kwh
-from iout_marl.report.sources import claims
 from iout_marl.report.study_figures import seconds
 from iout_marl.study.results import Measured, Results
 

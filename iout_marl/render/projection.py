@@ -1,0 +1,288 @@
+"""The grid with all that is in it, drawn from above or from the side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from iout_marl.render import style
+from iout_marl.render.labels import auv_name
+from iout_marl.render.layout import freest, place_auvs, place_nodes, round_step
+from iout_marl.render.panel import Panel
+from iout_marl.render.scene import Passed, Scene
+from iout_marl.render.snapshot import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from matplotlib.path import Path
+
+
+_MOST_CELL_PX = 90  # beyond which the cells of a small grid do not grow
+_NUMBER_SIZES = {1: 0.95, 2: 0.88, 3: 0.62}  # by digits, relative to the node's radius
+_LEAST_PT = 4.0  # below which a number or letter is left out
+_MOST_TAGS = 12  # AUVs that can carry a label without hiding everything else
+_ASIDE = 0.3  # cells from the first place of a trail to the last, where an AUV has not moved
+
+
+@dataclass(frozen=True)
+class View:
+    """A direction of sight.
+
+    Attributes:
+        across, along: axes of the grid that run to the right and up (or down) the picture.
+        up: 1 if the second one grows upwards, −1 if downwards.
+        labelled: whether AUVs carry their tags.
+    """
+
+    across: int
+    along: int
+    up: int
+    labelled: bool
+
+
+FROM_ABOVE = View(across=0, along=1, up=1, labelled=True)
+FROM_THE_SIDE = View(across=0, along=2, up=-1, labelled=False)
+
+
+class Projection:
+    """A grid as it is seen from one side.
+
+    Args:
+        figure: what to draw on.
+        view: from where it is seen.
+        grid_shape: cells along x, y and z.
+        box: place and size, of which a grid of another form takes the upper left part.
+    """
+
+    def __init__(
+        self, figure: Figure, view: View, grid_shape: tuple[int, int, int], box: style.Box
+    ) -> None:
+        self._view, self._seen = view, [view.across, view.along]
+        self._size = size = (grid_shape[view.across], grid_shape[view.along])
+        left, bottom, width_px, height_px = box
+        self._cell_px = cell_px = min(width_px / size[0], height_px / size[1], _MOST_CELL_PX)
+        grid_px = (size[0] * cell_px, size[1] * cell_px)
+        ends = (0.5, size[1] + 0.5)
+        self._panel = Panel(
+            figure,
+            (left, bottom + height_px - grid_px[1], *grid_px),
+            across=(0.5, size[0] + 0.5),
+            along=ends if view.up > 0 else ends[::-1],
+        )
+
+    def draw_grid(self, title: str = "") -> None:
+        """The water, its cells and their numbers."""
+        from matplotlib.patches import Rectangle
+
+        panel, (columns, rows) = self._panel, self._size
+        # Lines and numbers at least as far apart as the eye wants them.
+        numbers_every, lines_every = round_step(20 / self._cell_px), round_step(7 / self._cell_px)
+        panel.number_across(range(1, columns + 1, numbers_every))
+        panel.number_along(range(1, rows + 1, numbers_every))
+        panel.name_across("xyz"[self._view.across])
+        panel.name_along("xyz"[self._view.along])
+        panel.title(title)
+        x_lines = np.append(np.arange(0, columns, lines_every), columns) + 0.5
+        y_lines = np.append(np.arange(0, rows, lines_every), rows) + 0.5
+        lines = [[(x, 0.5), (x, rows + 0.5)] for x in x_lines]
+        lines += [[(0.5, y), (columns + 0.5, y)] for y in y_lines]
+        water = Rectangle((0.5, 0.5), columns, rows)
+        panel.draw_patches([water], facecolor=style.WATER, linewidth=0, zorder=0.5)
+        panel.draw_segments(lines, colors=style.HAIRLINE, linewidths=0.8, zorder=1)
+
+    def draw(self, scene: Scene, node_colours: Floats) -> None:
+        """Draw all that is in the grid.
+
+        Args:
+            scene: what to draw.
+            node_colours: (nodes, 4) colours with transparency, 0 to 1.
+        """
+        node_cells, auv_cells = scene.nodes[:, self._seen], scene.auvs[:, self._seen]
+        node_at, node_radius = place_nodes(node_cells, smallest=6 / self._cell_px)
+        auv_at, auv_size = place_auvs(auv_cells, node_cells, self._view.up)
+        # In a wide grid AUVs are larger than a cell.
+        auv_size = auv_size * max(0.92, 22 / self._cell_px)
+        if len(scene.path) > 1:
+            self._draw_trails(scene, node_at)
+        self._draw_charging(scene, node_at, auv_at)
+        self._draw_packets(scene, node_at, auv_at)
+        self._draw_nodes(scene, node_at, node_radius, node_colours)
+        self._draw_auvs(scene, auv_at, auv_size)
+        if self._view.labelled and scene.tags and scene.num_auvs <= _MOST_TAGS:
+            self._draw_tags(scene, node_at, auv_at)
+
+    def _draw_trails(self, scene: Scene, node_at: Floats) -> None:
+        """Where the AUVs came from, whom they charged and heard on their way.
+
+        Each place lies a little beside the one before: a cell that an AUV comes through once more,
+        and a way that it takes once more, are seen.
+        """
+        places = scene.path[..., self._seen].astype(np.float64)  # (places, auvs, 2)
+        places += np.linspace(-_ASIDE, 0, len(places))[:, None, None] * (1, self._view.up)
+        steps = np.stack([places[:-1], places[1:]], axis=2)  # (slots, auvs, ends, 2)
+        colours = style.trail_colours(len(steps), scene.num_auvs)
+        self._panel.draw_segments(
+            list(steps.reshape(-1, 2, 2)), colors=colours.reshape(-1, 4), linewidths=1.6, zorder=1.9
+        )
+        for what in Passed:
+            links = [link for link in scene.earlier if link.what is what]
+            at = np.array([places[link.place, link.auv] for link in links]).reshape(-1, 2)
+            beams = [(place, node_at[link.node]) for place, link in zip(at, links, strict=True)]
+            colour, dashes = style.LINKS[what], style.DASHES[what]
+            thin = {"linewidths": 0.6, "alpha": 0.3, "zorder": 1.8}
+            self._panel.draw_segments(beams, colors=colour, linestyles=[dashes], **thin)
+            if what in style.MARKS:
+                mark = {"marker": style.MARKS[what], "ms": 3.4, "mew": 0, "ls": "none"}
+                self._panel.draw_line(*at.T, color=colour, zorder=2, **mark)
+        start = {"marker": "o", "ms": 9, "mfc": "none", "mew": 1.3, "ls": "none"}
+        self._panel.draw_line(*places[0].T, color=style.INK, zorder=2.1, **start)
+
+    def _draw_charging(self, scene: Scene, node_at: Floats, auv_at: Floats) -> None:
+        charging = [link for link in scene.links if link.what is Passed.CHARGE]
+        beams = [(auv_at[link.auv], node_at[link.node]) for link in charging]
+        width_pt = min(max(0.15 * self._cell_px, 3.0), 6.5)
+        look = {"colors": style.LINKS[Passed.CHARGE], "alpha": 0.45, "linewidths": width_pt}
+        self._panel.draw_segments(beams, zorder=2, **look)
+
+    def _draw_packets(self, scene: Scene, node_at: Floats, auv_at: Floats) -> None:
+        """A line from the node heard: an arrow if its packet arrived, else dashes and a cross."""
+        for link in scene.links:
+            if link.what is Passed.CHARGE:
+                continue
+            ends = np.stack([node_at[link.node], auv_at[link.auv]])
+            look = {"color": style.LINKS[link.what]}
+            dashes = style.DASHES[link.what]
+            self._panel.draw_line(*ends.T, linewidth=1.6, linestyle=dashes, zorder=2.5, **look)
+            way = (ends[1] - ends[0]) * (1, self._view.up)
+            if np.linalg.norm(way) * self._cell_px < 40:
+                continue  # no room for a symbol between the two
+            heading_deg = float(np.degrees(np.arctan2(way[1], way[0])))
+            arrow = (3, 0, heading_deg - 90)
+            self._panel.draw_line(
+                *ends.mean(axis=0),
+                marker=arrow if link.what is Passed.PACKET else style.MARKS[link.what],
+                markersize=8.5,
+                markeredgecolor="white",
+                markeredgewidth=0.8,
+                zorder=2.6,
+                **look,
+            )
+
+    def _draw_nodes(
+        self, scene: Scene, node_at: Floats, node_radius: Floats, node_colours: Floats
+    ) -> None:
+        """Discs, where there is a charge in rings that it fills clockwise."""
+        from matplotlib.patches import Circle, Wedge
+
+        tracks, rings, discs = [], [], []
+        ringed = scene.charge is not None
+        shares = scene.charge if scene.charge is not None else np.zeros(len(node_at))
+        for (x, y), radius, share in zip(node_at, node_radius, shares, strict=True):
+            # From the top, clockwise to the eye even where the axis runs downwards.
+            sweep = 360 * float(share)
+            start, end = (90 - sweep, 90) if self._view.up > 0 else (270, 270 + sweep)
+            if ringed:
+                tracks.append(Circle((x, y), radius))
+            if share > 0:
+                rings.append(Wedge((x, y), radius, start, end, width=0.26 * radius))
+            discs.append(Circle((x, y), 0.74 * radius))
+        for patches, face, edge, zorder in (
+            (tracks, "white", style.MUTED, 3),
+            (rings, style.ENERGY, "none", 3.1),
+            (discs, node_colours, style.INK, 3.2),
+        ):
+            look = {"facecolor": face, "edgecolor": edge, "linewidth": 0.5}
+            self._panel.draw_patches(patches, zorder=zorder, **look)
+        luminance = node_colours[:, :3] @ (0.299, 0.587, 0.114)
+        for node, (x, y) in enumerate(node_at):
+            share_of_radius = _NUMBER_SIZES[min(len(str(node + 1)), 3)]
+            size_pt = share_of_radius * node_radius[node] * self._cell_px * style.PT_PER_PX
+            colour = style.INK if luminance[node] > 0.5 else "white"
+            self._write_within(x, y, str(node + 1), size_pt, color=colour, zorder=3.3)
+
+    def _draw_auvs(self, scene: Scene, auv_at: Floats, auv_size: Floats) -> None:
+        from matplotlib.patches import PathPatch
+        from matplotlib.transforms import Affine2D
+
+        shape = hull()
+        hulls = [
+            PathPatch(shape.transformed(Affine2D().scale(length).translate(x, y)))
+            for (x, y), length in zip(auv_at, auv_size, strict=True)
+        ]
+        colours = [style.AUV] * scene.num_auvs
+        if len(scene.path) > 1 and scene.num_auvs > 1:
+            colours = [style.auv_colour(auv) for auv in range(scene.num_auvs)]
+        look = {"edgecolor": "white", "linewidth": 1, "joinstyle": "round"}
+        self._panel.draw_patches(hulls, facecolor=colours, zorder=4, **look)
+        for auv, ((x, y), length) in enumerate(zip(auv_at, auv_size, strict=True)):
+            if scene.num_auvs > 1:
+                size_pt = 0.27 * length * self._cell_px * style.PT_PER_PX
+                self._write_within(x, y, auv_name(auv), size_pt, color="white", zorder=4.1)
+
+    def _write_within(self, x: float, y: float, text: str, size_pt: float, **options: Any) -> None:
+        """Write on a node or an AUV, if it is large enough."""
+        if size_pt >= _LEAST_PT:
+            bold: dict[str, Any] = {"fontweight": "bold", "va": "center_baseline"}
+            self._panel.write(x, y, text, fontsize=min(size_pt, 10), **bold, **options)
+
+    def _draw_tags(self, scene: Scene, node_at: Floats, auv_at: Floats) -> None:
+        """Beside each AUV its tag, for AUVs of one column in one."""
+        lines = [(auv_at[link.auv], node_at[link.node]) for link in scene.links]
+        columns: dict[tuple[int, int], list[int]] = {}
+        for auv, (x, y, _) in enumerate(scene.auvs.tolist()):
+            columns.setdefault((x, y), []).append(auv)
+        for auvs in columns.values():
+            # From top to bottom, as they stand.
+            texts = [
+                f"{auv_name(auv)}  {scene.tags[auv]}" if len(auvs) > 1 else scene.tags[auv]
+                for auv in reversed(auvs)
+            ]
+            half_width = 3.0 * max(map(len, texts)) / self._cell_px
+            half_height = 5.5 * len(texts) / self._cell_px
+            x, y = auv_at[auvs].mean(axis=0)
+            stack = auv_at[auvs[-1], 1] - y  # from the middle of the stack to its top
+            down = 13.5 / self._cell_px + stack + half_height
+            right = 24 / self._cell_px + half_width
+            beside, above = [(x + right, y), (x - right, y)], [(x, y - down), (x, y + down)]
+            places = above + beside if len(auvs) == 1 else beside + above
+            others = np.concatenate([node_at, np.delete(auv_at, auvs, axis=0)])
+            best = places[freest(places, (half_width, half_height), others, lines, self._size)]
+            self._panel.write(
+                *best,
+                "\n".join(texts),
+                fontsize=style.SMALL_PT,
+                fontweight="bold",
+                color=style.AUV,
+                va="center_baseline" if len(texts) == 1 else "center",
+                linespacing=1.1,
+                zorder=4.2,
+                bbox={"boxstyle": "round,pad=0.18", "fc": "white", "ec": "none", "alpha": 0.8},
+            )
+
+
+def hull() -> Path:
+    """An AUV of length 1 around the origin, its nose to the right."""
+    from matplotlib.path import Path
+
+    upper: list[tuple[np.uint8, tuple[float, float]]] = [
+        (Path.MOVETO, (-0.5, 0.0)),
+        (Path.LINETO, (-0.5, 0.21)),  # tail fin
+        (Path.LINETO, (-0.43, 0.21)),
+        (Path.LINETO, (-0.36, 0.1)),
+        (Path.CURVE4, (-0.3, 0.16)),  # body
+        (Path.CURVE4, (-0.22, 0.185)),
+        (Path.CURVE4, (-0.12, 0.185)),
+        (Path.LINETO, (0.22, 0.185)),
+        (Path.CURVE4, (0.4, 0.185)),  # nose
+        (Path.CURVE4, (0.5, 0.1)),
+        (Path.CURVE4, (0.5, 0.0)),
+    ]
+    # The lower half is the upper one, backwards; a segment's code stands at its end.
+    codes = [code for code, _ in upper]
+    points = [point for _, point in upper]
+    codes += [*codes[:0:-1], Path.CLOSEPOLY]
+    points += [(x, -y) for x, y in reversed(points[:-1])]
+    points.append(points[0])
+    return Path(points, codes)
