@@ -20,6 +20,7 @@ from iout_marl.paper.names import (
     TDD,
     in_fdd,
 )
+from iout_marl.paper.paper_data import mean_distance_from_start
 from iout_marl.report.intake import curves
 from iout_marl.report.measures import (
     MOST_DIGITS,
@@ -34,7 +35,6 @@ from iout_marl.report.measures import (
     samples,
 )
 from iout_marl.report.study_figures import episode_of, seconds
-from iout_marl.scenario import load_scenario
 from iout_marl.study.results import Results
 
 Explanation: TypeAlias = Callable[[Results], list[str]]
@@ -45,15 +45,23 @@ def none(_: Results) -> list[str]:
     return ["No further measurement was made: the figures above are the answer."]
 
 
-def _scored(results: Results, first: str, second: str, scores: tuple[str, str]) -> str | None:
+def _each_place(
+    results: Results, text: Callable[[float], str | None], series: str | None = None
+) -> str:
+    """`K = 3: …; K = 5: …`, of a series or all, where there is anything to say."""
+    found = ((place, text(place)) for place in results.places(series))
+    return "; ".join(f"{symbol(results, place)}: {said}" for place, said in found if said)
+
+
+def _scored(results: Results, first: str, second: str, scores: tuple[str, str]) -> str:
     """`K = 3: 16 % (10 to 22); …`: the reduction if each series is scored in its own way."""
-    parts = []
-    for place in results.places():
+
+    def share(place: float) -> str | None:
         a = results.measured(first, place, scores[0])
         b = results.measured(second, place, scores[1])
-        if a is not None and b is not None:
-            parts.append(f"{symbol(results, place)}: {percent(reduction(a, b))}")
-    return "; ".join(parts) or None
+        return None if a is None or b is None else percent(reduction(a, b))
+
+    return _each_place(results, share)
 
 
 def _other_scores(
@@ -171,9 +179,8 @@ def _first_step(
 
 
 def _by_place(results: Results, series: str, name: str) -> str:
-    return "; ".join(
-        f"{symbol(results, place)}: {metric(results.measured(series, place, name), name)}"
-        for place in results.places(series)
+    return _each_place(
+        results, lambda place: metric(results.measured(series, place, name), name), series
     )
 
 
@@ -189,19 +196,19 @@ def baseline_energy(results: Results) -> list[str]:
 
 def tdd_energy(results: Results) -> list[str]:
     """How energy grows with training, and what another reward harvests in the same world."""
-    crossing = "; ".join(
-        f"{symbol(results, place)}: "
-        + _first_step(results, TDD, place, "energy/harvested_kj", above=8)
-        for place in results.places(TDD)
-    )
-    last = "; ".join(
-        f"{symbol(results, place)}: {fixed(curve[1][-1], 2)}"
-        for place in results.places(TDD)
-        if (curve := _mean_curve(results, TDD, place, "energy/harvested_kj"))
+    curve = "energy/harvested_kj"
+
+    def last(place: float) -> str | None:
+        found = _mean_curve(results, TDD, place, curve)
+        return found and fixed(found[1][-1], 2)
+
+    ends = _each_place(results, last, TDD)
+    crossing = _each_place(
+        results, lambda place: _first_step(results, TDD, place, curve, above=8), TDD
     )
     lines = [
         f"By seed, kJ: {_seeds(results, TDD, 'harvested_kj', 2)}.",
-        f"In training, 8 kJ are first passed after {crossing}; it ends with, kJ: {last}.",
+        f"In training, 8 kJ are first passed after {crossing}; it ends with, kJ: {ends}.",
     ]
     if results.records(BEST_TDD):
         lines.append(
@@ -224,13 +231,11 @@ def fdd_energy(results: Results) -> list[str]:
 
 
 def _seeds(results: Results, series: str, name: str, digits: int) -> str:
-    return "; ".join(
-        f"{symbol(results, place)}: "
-        + ", ".join(
-            fixed(r.mean(name), digits) for r in results.records(series, place) if name in r.samples
-        )
-        for place in results.places(series)
-    )
+    def values(place: float) -> str:
+        records = [r for r in results.records(series, place) if name in r.samples]
+        return ", ".join(fixed(record.mean(name), digits) for record in records)
+
+    return _each_place(results, values, series)
 
 
 def fairness_order(results: Results) -> list[str]:
@@ -261,27 +266,13 @@ def baseline_fairness(results: Results) -> list[str]:
                     f"{name}, from K = {places[0]:g} to {places[-1]:g}, falls by "
                     f"{number(difference(a, b), 3)}."
                 )
-    distances = "; ".join(
-        f"{symbol(results, place)}: {distance:.0f} m"
-        for place in results.places(RANDOM_WALK)
-        if (distance := mean_distance_from_start_m(place)) is not None
-    )
+    distances = _each_place(results, mean_distance_from_start, RANDOM_WALK)
     if distances:
         lines.append(
             "Each K is a layout of its own, not only more nodes: their mean distance from the "
             f"AUV's start is {distances}."
         )
     return lines
-
-
-def mean_distance_from_start_m(nodes: float) -> float | None:
-    """Of the first nodes of the paper's layout from the AUV's start, in m; None of no number."""
-    scenario = load_scenario("paper/k10-tdd")
-    cells = np.array(scenario.nodes.cells)
-    if nodes not in range(1, len(cells) + 1):
-        return None
-    offset = cells[: int(nodes)] - np.array(scenario.auvs.start_cells[0])
-    return float(np.linalg.norm(offset, axis=1).mean() * scenario.grid.spacing_m)
 
 
 def unfair_seeds(results: Results) -> list[str]:
@@ -331,12 +322,13 @@ def _fewest_deliveries(results: Results) -> list[str]:
 
 def cost(results: Results) -> list[str]:
     """Steps a second in both modes."""
-    parts = []
-    for place in results.places():
+
+    def both(place: float) -> str | None:
         rates = [_rate(results, name, place) for name in (TDD, FDD)]
-        if all(rates):
-            parts.append(f"{symbol(results, place)}: {' and '.join(filter(None, rates))}")
-    lines = [f"Steps a second, TDD and FDD: {'; '.join(parts)}. Cells share the cores."]
+        return " and ".join(filter(None, rates)) if all(rates) else None
+
+    rates = _each_place(results, both)
+    lines = [f"Steps a second, TDD and FDD: {rates}. Cells share the cores."]
     steps = {r.training.env_steps for s in (TDD, FDD) for r in results.records(s) if r.training}
     if len(steps) == 1:
         lines.insert(0, f"All trainings of both modes take {steps.pop():,} environment steps.")

@@ -1,10 +1,14 @@
-"""The paper's own numbers: its claims, its table of energies, what its trainings took."""
+"""The paper's own numbers: claims, its table of energies, what its trainings took, its layout."""
 
 from __future__ import annotations
 
 import csv
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
+
+from iout_marl.scenario import load_scenario
 
 _DATA = Path(__file__).parent / "data"
 
@@ -84,3 +88,13 @@ def printed_costs() -> dict[tuple[int, str], PrintedCost]:
         )
         for row in _rows("training_cost.csv")
     }
+
+
+def mean_distance_from_start(nodes: float) -> str | None:
+    """Of the first nodes of the paper's layout from the AUV's start; None of no number."""
+    scenario = load_scenario("paper/k10-tdd")
+    cells = np.array(scenario.nodes.cells)
+    if nodes not in range(1, len(cells) + 1):
+        return None
+    offset = cells[: int(nodes)] - np.array(scenario.auvs.start_cells[0])
+    return f"{np.linalg.norm(offset, axis=1).mean() * scenario.grid.spacing_m:.0f} m"
