@@ -5,10 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from iout_marl.errors import InputError
+from iout_marl.extras import require
 from iout_marl.files import write_together
 from iout_marl.report.document import Report, to_csv
-from iout_marl.report.matplotlib_writer import draw
-from iout_marl.report.page import render_page
+
+require("iout_marl.report", "report")
+
+from iout_marl.report.matplotlib_writer import draw  # noqa: E402
+from iout_marl.report.page import render_page  # noqa: E402
 
 
 def write_report(report: Report, folder: Path) -> None:
