@@ -1,7 +1,7 @@
 """Environment steps a second, side by side: single, for Stable-Baselines3, batched, others' own.
 
 A step is one slot of one environment with its action drawn beforehand, and includes
-reward, observation and infos of the face. Each subject runs `--repeats` times in turn;
+reward, observation and infos of the API. Each subject runs `--repeats` times in turn;
 the median is what counts, the ratio is to the single ParallelEnv of the same round.
 
 Beside them stand environments of other projects that come nearest in size, with as many
@@ -83,7 +83,7 @@ def sb3_copies(
 
 
 def vector_env(scenario: str, copies: int = 4096, episodes: int = 1) -> float:
-    """The batched Gymnasium face, float64."""
+    """The batched Gymnasium API, float64."""
     env = AUVVectorEnv(scenario, copies)
     slots = env.scenario.num_slots
     actions = _actions(tuple(env.single_action_space.nvec), slots, copies)

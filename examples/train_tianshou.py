@@ -5,7 +5,7 @@
 
 Tianshou's way to several agents is PettingZoo's AEC form, where the rewards come when the last
 agent has acted: it would credit all agents but the last with nothing. So it gets the Gymnasium
-face, in which the actions of all AUVs are one MultiDiscrete, drawn from torch's distributions.
+API, in which the actions of all AUVs are one MultiDiscrete, drawn from torch's distributions.
 """
 
 from __future__ import annotations

@@ -11,12 +11,13 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from iout_marl import iout_v0
+from iout_marl.deprecated import warn_renamed
 from iout_marl.envs.registration import register_gymnasium, register_pettingzoo
-from iout_marl.episode import Episode, record_episode
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.policies import Policy, load_policy, make_baseline
 from iout_marl.scenario import Scenario, bundled_names, load_scenario
+from iout_marl.trajectory import Trajectory, record_episode
 from iout_marl.world import World
 
 if TYPE_CHECKING:
@@ -33,12 +34,12 @@ register_pettingzoo()
 _LATER = {"Trainer": "trainers", "bound": "iout_marl.bounds", "train": "trainers"}
 
 __all__ = [
-    "Episode",
     "Evaluation",
     "InputError",
     "Policy",
     "Scenario",
     "Trainer",
+    "Trajectory",
     "World",
     "bound",
     "bundled_names",
@@ -52,7 +53,14 @@ __all__ = [
 ]
 
 
+#: What names of the version before are called now.
+_RENAMED = {"Episode": "Trajectory"}
+
+
 def __getattr__(name: str) -> Any:
+    if name in _RENAMED:
+        warn_renamed(f"iout_marl.{name}", f"iout_marl.{_RENAMED[name]}")
+        return globals()[_RENAMED[name]]
     if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = getattr(importlib.import_module(_LATER[name]), name)

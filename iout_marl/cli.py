@@ -41,7 +41,7 @@ from iout_marl.evaluation import MAX_EPISODES
 from iout_marl.files import inputs_noted
 from iout_marl.outlook import energy_outlook
 from iout_marl.outside import import_words
-from iout_marl.policies import BASELINES, UNTRAINED, USUAL
+from iout_marl.policies import BASELINES, DEFAULT_BUDGET, POLICIES
 from iout_marl.scenario import Scenario, bundled_names, load_scenario, to_yaml
 from iout_marl.terminal import (
     complain,
@@ -137,7 +137,7 @@ def train(
     device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
     resume: Annotated[
         Path | None,
-        typer.Option(metavar="RUN", parser=folder, help="Go on with a run that was stopped."),
+        typer.Option(metavar="RUN", parser=folder, help="Continue with a run that was stopped."),
     ] = None,
     threads: Annotated[
         int | None,
@@ -161,7 +161,7 @@ def train(
         ),
     ] = True,
 ) -> None:
-    """Train a policy by PPO. Ctrl-C saves, as do SIGTERM and SIGHUP; --resume goes on.
+    """Train a policy by PPO. Ctrl-C saves, as do SIGTERM and SIGHUP; --resume continues.
 
     Several processes train one policy by `torchrun --nproc-per-node N -m trainers.ppo SCENARIO …`.
     """
@@ -171,11 +171,11 @@ def train(
         settings.append(f"training.steps={steps}")
     loaded = load_scenario(scenario, settings)
     if resume is not None and out is not None and out != resume:
-        raise InputError("--out and --resume name different folders; --resume goes on in its own")
+        raise InputError("--out and --resume name different folders; --resume continues in its own")
     if resume is not None and seed is not None:
-        raise InputError("--seed: a resumed run goes on with its own seed")
+        raise InputError("--seed: a resumed run continues with its own seed")
     if resume is not None and replicas is not None:
-        raise InputError("--replicas: a resumed training goes on with the policies that it has")
+        raise InputError("--replicas: a resumed training continues with the policies that it has")
     seed, replicas = seed or 0, replicas or 1
     if seed + replicas - 1 > MAX_SEED:
         raise InputError(f"--replicas {replicas}: the last seed would be above {MAX_SEED}")
@@ -219,7 +219,7 @@ def _report(
         with suppress(OSError):
             present(
                 f"stopped after {outcome.trainer.env_steps:,} environment steps; "
-                f"go on with: {shlex.join(words)}"
+                f"continue with: {shlex.join(words)}"
             )
         return
     present("evaluation by most probable actions:")
@@ -269,7 +269,7 @@ def evaluate_command(
         typer.Option(
             metavar=POLICY,
             parser=expanded,
-            help=f"{', '.join(UNTRAINED)} (the last two plan every layout anew, which takes a "
+            help=f"{', '.join(POLICIES)} (the last two plan every layout anew, which takes a "
             "moment for each); the folder of a run; or a policy of your own, by MODULE:NAME or "
             f"FILE.py:NAME. May be repeated [default: {', '.join(BASELINES)}].",
         ),
@@ -303,7 +303,7 @@ def evaluate_command(
             metavar="N",
             parser=whole(0, 10**9),
             help="The same in rounds of its search, which give the same plans on any machine "
-            f"[{USUAL.rounds}].",
+            f"[{DEFAULT_BUDGET.rounds}].",
         ),
     ] = None,
     planner_start: Annotated[

@@ -7,7 +7,7 @@ from pathlib import Path
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.files import refuse_input
-from iout_marl.policies import USUAL, Budget, PlannerPolicy, Policy
+from iout_marl.policies import DEFAULT_BUDGET, Budget, PlannerPolicy, Policy
 from iout_marl.policies.loading import is_run, load_run, members, named_policy
 from iout_marl.scenario import Scenario
 from iout_marl.words import listed
@@ -102,7 +102,7 @@ def evaluate_all(
     if starts or budget is not None:
         if "planner" not in names:
             raise InputError("--planner-…: there is no planner without --policy planner")
-        planner = started_planner(layout, starts, budget or USUAL, seed, transfer=transfer)
+        planner = started_planner(layout, starts, budget or DEFAULT_BUDGET, seed, transfer=transfer)
     # All are looked up before the first is played, which may take its time.
     players = [
         _named(

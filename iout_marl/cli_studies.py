@@ -66,7 +66,7 @@ def reproduce(
 ) -> None:
     """Run a study, by default the paper's, and write its report.
 
-    What is finished stays: the same command goes on with a study that was stopped.
+    What is finished stays: the same command continues with a study that was stopped.
     """
     require("iout reproduce", "report")
     with imports_uninterrupted():
@@ -103,7 +103,7 @@ def reproduce(
     words += [word for setting in overrides or [] for word in ("--set", setting)]
     where = [] if scheduler is None else ["--scheduler", scheduler]
     where += [] if jobs is None else ["--jobs", str(jobs)]
-    go_on = f"Go on with: {shlex.join([*words, *where, '--out', str(folder.path)])}"
+    go_on = f"Continue with: {shlex.join([*words, *where, '--out', str(folder.path)])}"
     identity = {
         "name": show(name),
         "title": loaded.title,
@@ -173,7 +173,7 @@ def _is_of_a_study(folder: Path, target: Path) -> bool:
 
 def _why_no_results(folder: Path) -> str:
     if (folder / "study.json").exists():
-        return ": its study is not finished; iout reproduce, as it was begun, goes on with it"
+        return ": its study is not finished; iout reproduce, as it was begun, continues with it"
     others = sorted(path.parent for path in folder.glob("*/results.json"))
     if others:
         return f"; did you mean {shlex.quote(str(others[0]))}?"

@@ -44,7 +44,7 @@ class Estimate:
     high: float
 
     @classmethod
-    def of(cls, samples: npt.ArrayLike) -> Estimate:
+    def from_samples(cls, samples: npt.ArrayLike) -> Estimate:
         """The estimate from (episodes,) samples.
 
         Raises:
@@ -58,14 +58,14 @@ class Estimate:
         count = len(values)
         with np.errstate(over="ignore", invalid="ignore"):
             mean = float(values.mean())
-            spread = float(values.std(ddof=1)) if count > 1 else 0.0
-        if not math.isfinite(mean + spread):
+            std = float(values.std(ddof=1)) if count > 1 else 0.0
+        if not math.isfinite(mean + std):
             raise ValueError("samples are too large to add up")
         if count == 1:
             return cls(mean, math.nan, math.nan)
         from scipy.special import stdtrit  # slow to import, and not needed by all
 
-        margin = float(stdtrit(count - 1, 0.975) * spread / math.sqrt(count))
+        margin = float(stdtrit(count - 1, 0.975) * std / math.sqrt(count))
         return cls(mean, mean - margin, mean + margin)
 
     @property
@@ -115,7 +115,7 @@ class Evaluation:
     @property
     def metrics(self) -> dict[str, Estimate]:
         """Means and intervals of all metrics."""
-        return {name: Estimate.of(values) for name, values in self.samples.items()}
+        return {name: Estimate.from_samples(values) for name, values in self.samples.items()}
 
     def to_json(self) -> dict[str, Any]:
         """The record as JSON has it; the interval of a single episode is null."""

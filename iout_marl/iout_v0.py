@@ -45,7 +45,7 @@ for what it has added (`reward.credit: difference`).
 last slot truncates, it does not terminate.
 
 **Infos** have the same numeric keys from `reset` on: see
-`iout_marl.envs.episodes.Episodes.info`. `aoi_now` is the mean age over nodes in this slot,
+`iout_marl.envs.episodes.EpisodeBatch.info`. `aoi_now` is the mean age over nodes in this slot,
 `time_mean_aoi` its mean over the slots so far: what `iout_marl.evaluate` calls `mean_aoi`. The
 `mean_aoi` of infos is misleading: it means `aoi_now`, and does so until `iout_v1`.
 

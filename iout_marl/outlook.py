@@ -33,7 +33,9 @@ def energy_outlook(scenario: Scenario) -> str | None:
     grid = Grid(scenario.grid.cells)
     try:
         with np.errstate(all="ignore"):  # what overflows is too dear, what vanishes is nothing
-            return _outlook(scenario, Link(scenario, grid, Backend.of()), _offsets(scenario, grid))
+            return _outlook(
+                scenario, Link(scenario, grid, Backend.from_library()), _offsets(scenario, grid)
+            )
     except InputError as error:
         return f"no world can be made of this scenario: {error}"
 

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from iout_marl.startup import is_command_line
 
-#: Of a hangup of the terminal, Ctrl-C, and a batch system's or a shell's request to end.
+#: Signals of a hangup of the terminal, of Ctrl-C, and a batch system's or a shell's request to end.
 NAMES = ("SIGHUP", "SIGINT", "SIGTERM")
 
 

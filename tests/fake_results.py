@@ -8,7 +8,7 @@ from iout_marl.study.schema import load_study
 
 PLACES = (3, 5, 7, 10)
 #: What every record has unless a test says otherwise.
-USUAL = {
+DEFAULT_BUDGET = {
     "mean_aoi": 9.0,
     "final_aoi": 9.5,
     "peak_aoi": 27.0,
@@ -43,7 +43,7 @@ def record(policy, place, seed, samples, *, seconds=20.0, heard=(1, 2, 1)):
     )
     full = {
         name: list(value)
-        if isinstance(value := samples.get(name, USUAL.get(name, 0.0)), list | tuple)
+        if isinstance(value := samples.get(name, DEFAULT_BUDGET.get(name, 0.0)), list | tuple)
         else [value] * count
         for name in METRICS
     }
@@ -91,7 +91,7 @@ def results(cells, *, quick=False, report="paper"):
         CellResult(group=group, series=series, axis=place, record=made)
         for group, series, place, made in cells
     ]
-    return Results.of(
+    return Results.from_records(
         "paper",
         study.model_copy(update={"report": report}),
         made,

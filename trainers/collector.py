@@ -22,7 +22,7 @@ from trainers.timing import PhaseTimer
 
 #: Where the world runs on NumPy; elsewhere on torch.
 NUMPY_DEVICES = ("cpu",)
-#: Of which the critic computes the values of all environments at once: what a cache holds.
+#: Slots whose values the critic computes at once, of all environments: what a cache holds.
 _SLOTS_AT_ONCE = 10
 
 

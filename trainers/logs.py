@@ -182,7 +182,7 @@ class _RunLog:
 
 
 def _cut_off(run: RunFolder, env_steps: int, console: Console) -> None:
-    """Drop the rows of iterations after the checkpoint that training goes on from."""
+    """Drop the rows of iterations after the checkpoint that training continues from."""
     path = run.metrics_path
     rows, skipped = read_rows(path)
     if skipped:

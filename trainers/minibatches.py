@@ -60,7 +60,7 @@ class Minibatches:
             yield {**others, "advantage": advantage}, samples
 
     def _own(self, index: Tensor) -> Tensor:
-        """Of (policies, samples) of all processes those of this one, as it counts them."""
+        """This process's part of (policies, samples) indices of all, as it counts its samples."""
         group = self._runtime.group
         if group.size == 1:
             return index
@@ -73,7 +73,7 @@ class Minibatches:
     def _advantages(
         self, advantage: Tensor, minibatches: Sequence[tuple[Tensor, int]]
     ) -> list[Tensor]:
-        """Of each minibatch, with mean 0 and standard deviation 1 over all of its samples."""
+        """The advantages of each minibatch, with mean 0 and standard deviation 1 over all of its samples."""
         parts = [_take(advantage, index) for index, _ in minibatches]
         if not self._settings.normalise_advantage:
             return parts
@@ -93,7 +93,7 @@ class Minibatches:
 
 
 def _take(values: Tensor, index: Tensor) -> Tensor:
-    """Of (policies, samples, …) values those at (policies, samples) indices."""
+    """The (policies, samples, …) values at (policies, samples) indices."""
     if len(index) == 1:
         return values[0].index_select(0, index[0])[None]
     return values[torch.arange(len(index), device=index.device)[:, None], index]

@@ -134,7 +134,7 @@ class TorchOptimizer(Optimizer):
         name: str,
     ) -> None:
         super().__init__(parameters)
-        #: Of each policy: its part of the parameters, in the same memory.
+        #: The parameters of each policy, in the memory of the stacked ones.
         self._own = [[p.detach()[i] for p in parameters] for i in range(len(parameters[0]))]
         self._name = name
         try:

@@ -153,7 +153,7 @@ class Trainer(BaseTrainer):
         return {**{name: value.detach() for name, value in log.items()}, "gradient_norm": norm}
 
     def _moments(self, values: Tensor) -> Moments:
-        """Of (slots, policies, envs, auvs) values: (policies,)."""
+        """Mean and variance of (slots, policies, envs, auvs) values: (policies,) each."""
         return Moments.from_values(values, (0, -2, -1), self.runtime.group)
 
     def _update_scaler(self, scaler: Scaler | None, seen: Tensor | None) -> None:

@@ -132,9 +132,9 @@ def train(
     Args:
         scenario: what to train on, and how: whatever `load_scenario` takes.
         out: the run's folder; of several policies, that of their folders, `seed-N` each.
-        seed: seeds the training; a resumed one goes on with its own.
+        seed: seeds the training; a resumed one continues with its own.
         device: where to train.
-        resume: go on with the run, or the runs, in `out`. One that has taken its steps is
+        resume: continue with the run, or the runs, in `out`. One that has taken its steps is
             evaluated; one that is complete stays as it is.
         console: where the progress goes; standard error by default.
         evaluation_episodes: episodes of the final evaluation.
@@ -456,7 +456,7 @@ def _call_one(callback: Callback, event: str, training: TrainingRun) -> None:
 
 
 def _last(saved_at: int | None) -> str:
-    """What there is to go on from."""
+    """What there is to continue from."""
     if saved_at is None:
         return "nothing was saved yet"
     return f"last checkpoint: {saved_at:,} steps"

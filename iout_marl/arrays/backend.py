@@ -9,7 +9,7 @@ from typing import Any
 import array_api_compat
 import numpy as np
 
-from iout_marl.physics.arrays import Array, turned
+from iout_marl.physics.arrays import Array, reverse_axes
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Backend:
     device: Any = None
 
     @classmethod
-    def of(cls, library: Any = np, dtype: str = "float64", device: Any = None) -> Backend:
+    def from_library(cls, library: Any = np, dtype: str = "float64", device: Any = None) -> Backend:
         """A backend from a library such as `numpy` or `torch`, or any namespace of the standard."""
         # NumPy 2 follows the standard by itself: without the wrapper, steps cost less.
         xp = library
@@ -47,14 +47,14 @@ class Backend:
         """Whether all flags are false, as far as asking costs nothing.
 
         An accelerator would have to stop for the answer, and a compiled graph would break:
-        there it is False, and a loop that could end early goes on without effect.
+        there it is False, and a loop that could end early continues without effect.
         """
         return self.xp is np and not flags.any()
 
     def zeros(self, shape: tuple[int, ...]) -> Array:
         """Floating zeros, laid out by `with_envs_inside`."""
         zeros = self.xp.zeros(shape[::-1], dtype=self.dtype, device=self.device)
-        return turned(self.xp, zeros)
+        return reverse_axes(self.xp, zeros)
 
     def with_envs_inside(self, values: Array) -> Array:
         """`values` laid out in memory with the environments next to one another.
@@ -62,5 +62,5 @@ class Backend:
         Shapes begin with the environments, but their axis is the longest: whatever is done
         to every element, or over nodes, runs along it. Nothing but speed depends on it.
         """
-        inside = turned(self.xp, values)
-        return turned(self.xp, self.xp.reshape(self.xp.reshape(inside, (-1,)), inside.shape))
+        inside = reverse_axes(self.xp, values)
+        return reverse_axes(self.xp, self.xp.reshape(self.xp.reshape(inside, (-1,)), inside.shape))

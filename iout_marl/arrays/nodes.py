@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from iout_marl.arrays.backend import Backend
-from iout_marl.physics.arrays import Array, add_at, adds_at_indices, lookup, turned
+from iout_marl.physics.arrays import Array, add_at, adds_at_indices, lookup, reverse_axes
 
 
 class NodeAxis:
@@ -28,7 +28,7 @@ class NodeAxis:
         self._xp = backend.xp
         self._is_alone = num_auvs == 1
         self._zero = backend.floats(0.0)
-        self._zeros = turned(backend.xp, backend.zeros((num_envs, num_nodes)))
+        self._zeros = reverse_axes(backend.xp, backend.zeros((num_envs, num_nodes)))
         self._num_envs = backend.integers(num_envs)
         self._env = backend.integers(np.arange(num_envs))[:, None]
         self._places = self._env[:, :, None] + backend.integers(np.arange(num_nodes)) * num_envs
@@ -36,23 +36,23 @@ class NodeAxis:
         self._ones_of_auvs = backend.floats([[1.0] * num_auvs])
         self.num_nodes = backend.floats(float(num_nodes))
 
-    def place(self, node: Array) -> Array:
+    def flat_index(self, node: Array) -> Array:
         """Places of the (envs, auvs) nodes: (envs, auvs)."""
         return node * self._num_envs + self._env
 
-    def chosen(self, values: Array, place: Array) -> Array:
-        """Of (envs, nodes) values, those at the (envs, auvs) places: (envs, auvs)."""
-        return lookup(self._xp, turned(self._xp, values), place)
+    def gather(self, values: Array, place: Array) -> Array:
+        """The (envs, nodes) values at (envs, auvs) indices: (envs, auvs)."""
+        return lookup(self._xp, reverse_axes(self._xp, values), place)
 
     def flags(self, place: Array, flag: Array) -> Array:
         """The (envs, auvs) flag of each AUV at its place, else false: (envs, auvs, nodes)."""
         return (place[..., None] == self._places) & flag[..., None]
 
-    def plus(self, values: Array, place: Array, amount: Array) -> Array:
+    def scatter_add(self, values: Array, place: Array, amount: Array) -> Array:
         """(envs, nodes) values, each with the (envs, auvs) amounts of the AUVs that chose it."""
         xp = self._xp
         if self._is_alone and adds_at_indices(xp):
-            return turned(xp, add_at(xp, turned(xp, values), place, amount))
+            return reverse_axes(xp, add_at(xp, reverse_axes(xp, values), place, amount))
         # Amounts of several AUVs are added up before their node's value comes in.
         return values + self._total(place, amount)
 
@@ -75,6 +75,6 @@ class NodeAxis:
         # What `np.max` comes down to, in less than half its time for a single environment.
         return (np.maximum.reduce if self._xp is np else self._xp.max)(values, axis=-1)
 
-    def alike(self, values: Array) -> Array:
+    def broadcast_to_auvs(self, values: Array) -> Array:
         """The same value for every AUV: (envs,) to (envs, auvs)."""
         return values[:, None] * self._ones_of_auvs

@@ -3,8 +3,10 @@
 The derivations stand in `docs/bounds.md`.
 """
 
+from typing import Any
+
 from iout_marl.bounds.bound import (
-    USUAL_SECONDS,
+    DEFAULT_SECONDS,
     Bound,
     bound,
     gap_percent,
@@ -13,9 +15,10 @@ from iout_marl.bounds.bound import (
 )
 from iout_marl.bounds.certificate import Certificate, verified_age_sum
 from iout_marl.bounds.scheduling import delivery_bound, least_age_sum
+from iout_marl.deprecated import warn_renamed
 
 __all__ = [
-    "USUAL_SECONDS",
+    "DEFAULT_SECONDS",
     "Bound",
     "Certificate",
     "bound",
@@ -26,3 +29,13 @@ __all__ = [
     "rounded_down",
     "verified_age_sum",
 ]
+
+#: What names of the version before are called now.
+_RENAMED = {"USUAL_SECONDS": "DEFAULT_SECONDS"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _RENAMED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    warn_renamed(f"iout_marl.bounds.{name}", f"iout_marl.bounds.{_RENAMED[name]}")
+    return globals()[_RENAMED[name]]

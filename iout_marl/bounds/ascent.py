@@ -1,4 +1,4 @@
-"""Prices for the sharing bound: the dual is concave, and is climbed by cutting planes.
+"""Prices for the Lagrangian bound: the dual is concave, and is climbed by cutting planes.
 
 Each answer of the nodes to some prices bounds the dual from above by a plane. The next
 prices are the best for all planes so far within a box around the best prices yet (the
@@ -16,9 +16,9 @@ from scipy.optimize import linprog
 
 from iout_marl.bounds.deadline import OutOfTime, check_time
 from iout_marl.bounds.energy import ROUGH
-from iout_marl.bounds.field import Field
+from iout_marl.bounds.finite_game import FiniteGame
+from iout_marl.bounds.lagrangian import Programme, Wish, oldest_age
 from iout_marl.bounds.prices import Prices
-from iout_marl.bounds.sharing import Programme, Wish, oldest_age
 
 Floats = npt.NDArray[np.float64]
 
@@ -40,12 +40,12 @@ class Climbed(NamedTuple):
 
     age_sum: float  # the bound
     prices: Prices
-    field: Field  # the game they are for
+    field: FiniteGame  # the game they are for
     oldest: int  # age from which on none are told apart
 
 
-def climb(field: Field, seconds: float) -> Climbed | None:
-    """The highest sharing bound found; None where there is no time for any.
+def climb(field: FiniteGame, seconds: float) -> Climbed | None:
+    """The highest Lagrangian bound found; None where there is no time for any.
 
     Where the nodes' answers take long, a game of fewer levels and ages shows the way first; where
     there is no time for any but that, its own bound is what there is.
@@ -57,13 +57,13 @@ def climb(field: Field, seconds: float) -> Climbed | None:
     begun = time.monotonic()
     deadline = begun + seconds
     game = _Dual(field, oldest_age(field))
-    rough_field = Field.of(field.scenario, ROUGH)
-    rough = _Dual(rough_field, oldest_age(rough_field, ROUGH_OLDEST_PER_NODE))
+    rough_game = FiniteGame.from_scenario(field.scenario, ROUGH)
+    rough = _Dual(rough_game, oldest_age(rough_game, ROUGH_OLDEST_PER_NODE))
     try:
         answer_s = rough.seconds_of_answer(deadline)
     except OutOfTime:
         return None
-    answer_s *= field.num_levels * game.oldest / (rough_field.num_levels * rough.oldest)
+    answer_s *= field.num_levels * game.oldest / (rough_game.num_levels * rough.oldest)
     way, box = None, FIRST_BOX
     if answer_s * FEW_ANSWERS >= seconds:
         is_time = begun + ROUGH_SHARE * seconds + answer_s < deadline
@@ -147,7 +147,7 @@ class _Dual:
         oldest: age from which on none are told apart.
     """
 
-    def __init__(self, field: Field, oldest: int) -> None:
+    def __init__(self, field: FiniteGame, oldest: int) -> None:
         scenario = field.scenario
         self.field = field
         self.num_nodes = scenario.num_nodes

@@ -8,20 +8,20 @@ from dataclasses import dataclass
 from typing import Any
 
 from iout_marl.bounds.ascent import climb
+from iout_marl.bounds.branch_and_bound import search
 from iout_marl.bounds.certificate import Certificate, verified_age_sum
 from iout_marl.bounds.check_game import is_covered
 from iout_marl.bounds.energy import FINE
-from iout_marl.bounds.field import Field
-from iout_marl.bounds.opening import search
+from iout_marl.bounds.finite_game import FiniteGame
+from iout_marl.bounds.lagrangian import fits
 from iout_marl.bounds.scheduling import least_age_sum
-from iout_marl.bounds.sharing import fits
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
 from iout_marl.scenario.parts import Settings, outside_parts
 from iout_marl.words import listed
 
 #: How long a bound is searched for unless told otherwise.
-USUAL_SECONDS = 60.0
+DEFAULT_SECONDS = 60.0
 #: What the search's floating-point sums of ages may be too high by; more than enough.
 ROUNDING_SLOTS = 0.5
 #: Gaps of so many percent are none: the digits of a mean of ages end there.
@@ -96,7 +96,7 @@ def percent_text(gap: float) -> str:
 def bound(
     scenario: AnyScenario,
     best_known: float | None = None,
-    seconds: float = USUAL_SECONDS,
+    seconds: float = DEFAULT_SECONDS,
     *,
     overrides: Overrides = None,
 ) -> Bound:
@@ -125,9 +125,11 @@ def bound(
     if is_covered(scenario):
         highest = round(node_slots * (best_known or scenario.age.maximum))
         names_one = scenario.duplex.part.num_choices == 1
-        found.append(_opening(scenario, scheduled, highest, seconds / 4 if names_one else seconds))
-        if names_one and (sharing := _sharing(scenario, deadline - time.monotonic())):
-            found.append(sharing)
+        found.append(
+            _branch_and_bound(scenario, scheduled, highest, seconds / 4 if names_one else seconds)
+        )
+        if names_one and (lagrangian := _lagrangian(scenario, deadline - time.monotonic())):
+            found.append(lagrangian)
     certificate = _highest_verified(scenario, found)
     energy_and_travel = certificate.age_sum / node_slots if is_covered(scenario) else None
     stated_by = _stated_by(scenario)
@@ -142,18 +144,18 @@ def bound(
     )
 
 
-def _opening(scenario: Scenario, proven: int, highest: int, seconds: float) -> Certificate:
-    """The opening bound's certificate."""
+def _branch_and_bound(scenario: Scenario, proven: int, highest: int, seconds: float) -> Certificate:
+    """The branch-and-bound bound's certificate."""
     deadline = time.monotonic() + seconds
-    field = Field.of(scenario)
+    field = FiniteGame.from_scenario(scenario)
     age_sum = search(field, proven, highest, deadline - time.monotonic())
     return Certificate(scenario.world_hash, age_sum, tuple(field.levels_j[:-1].tolist()))
 
 
-def _sharing(scenario: Scenario, seconds: float) -> Certificate | None:
-    """The sharing bound's certificate, where memory and time are enough for one."""
+def _lagrangian(scenario: Scenario, seconds: float) -> Certificate | None:
+    """The Lagrangian bound's certificate, where memory and time are enough for one."""
     deadline = time.monotonic() + seconds
-    field = Field.of(scenario, FINE)
+    field = FiniteGame.from_scenario(scenario, FINE)
     climbed = climb(field, deadline - time.monotonic()) if fits(field) else None
     if climbed is None:
         return None

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from iout_marl.bounds import untrusted
+from iout_marl.bounds.branch_and_bound_check import check_branch_and_bound, oldest_first
 from iout_marl.bounds.check_game import finite_game, is_covered
-from iout_marl.bounds.opening_check import check_opening, oldest_first
+from iout_marl.bounds.lagrangian_check import proven_age_sum
 from iout_marl.bounds.prices import Prices
 from iout_marl.bounds.scheduling import MOST_AGE_SUM
-from iout_marl.bounds.sharing_check import proven_age_sum
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
 
@@ -27,10 +27,12 @@ _CLAIM = ("kind", "world_hash", "age_sum")
 _PRICES = ("oldest", "slots", "naming", "presence", "reach_m")
 FIELDS = {
     "scheduling": _CLAIM,
-    "opening": (*_CLAIM, "levels_j"),
-    "sharing": (*_CLAIM, "levels_j", *_PRICES),
+    "branch-and-bound": (*_CLAIM, "levels_j"),
+    "lagrangian": (*_CLAIM, "levels_j", *_PRICES),
 }
-#: Levels of a ladder, slots at which prices are given, numbers in `presence`.
+#: What certificates of the version before call them.
+_RENAMED = {"opening": "branch-and-bound", "sharing": "lagrangian"}
+#: Levels of energy, slots at which prices are given, numbers in `presence`.
 MOST_LEVELS, MOST_TIMES, MOST_WEIGHTS = 2**10, 2**12, 2**24
 #: A level in J; a price in slots of age; the reach in m.
 MOST_J, MOST_PRICE, LEAST_REACH_M, MOST_REACH_M = 1e300, 2.0**40, 1e-6, 1e15
@@ -43,10 +45,10 @@ class Certificate:
     Attributes:
         world_hash: the scenario's, without reward and training.
         age_sum: no policy's ages, summed over nodes and slots, are less than this.
-        levels_j: (levels,) ladder of stored energies in J, without the last, which is
+        levels_j: (levels,) stored energies in J, without the last, which is
             infinite; None for the scheduling bound.
-        prices: for the sharing bound; None for the others.
-        oldest: age from which on the sharing bound tells none apart.
+        prices: for the Lagrangian bound; None for the others.
+        oldest: age from which on the Lagrangian bound tells none apart.
     """
 
     world_hash: str
@@ -59,8 +61,8 @@ class Certificate:
     def kind(self) -> str:
         """Which of the bounds it is of, a key of `FIELDS`."""
         if self.prices is not None:
-            return "sharing"
-        return "scheduling" if self.levels_j is None else "opening"
+            return "lagrangian"
+        return "scheduling" if self.levels_j is None else "branch-and-bound"
 
     def to_json(self) -> dict[str, Any]:
         """The certificate as JSON has it."""
@@ -91,6 +93,8 @@ class Certificate:
         if not isinstance(record, dict):
             raise InputError(f"certificate: must be a mapping, not {untrusted.shown(record)}")
         kind = record.get("kind")
+        if isinstance(kind, str):
+            kind = _RENAMED.get(kind, kind)
         if not isinstance(kind, str) or kind not in FIELDS:
             raise InputError(
                 f"certificate: kind: must be one of {', '.join(FIELDS)}, "
@@ -107,7 +111,7 @@ class Certificate:
                     + did_you_mean(word, FIELDS[kind])
                 )
         prices = None
-        if kind == "sharing":
+        if kind == "lagrangian":
             prices = Prices(*(record[name] for name in _PRICES[1:]))
         unchecked = cls(
             record["world_hash"],
@@ -136,7 +140,7 @@ class Certificate:
             raise InputError("certificate: oldest: is there where prices are, and only there")
         if self.levels_j is None:
             if self.prices is not None:
-                raise InputError("certificate: levels_j: is missing, which sharing needs")
+                raise InputError("certificate: levels_j: is missing, which lagrangian needs")
             return Certificate(self.world_hash, age_sum)
         # Nodes begin without energy: the first level must not be below 0 to stand for that.
         levels = untrusted.entries("levels_j", self.levels_j, 1, MOST_LEVELS)
@@ -206,7 +210,7 @@ def verified_age_sum(
         raise InputError(f"{by_ages}; energy and travel count for one AUV and fixed nodes only")
     game = finite_game(scenario, certificate.levels_j)
     if certificate.prices is None:
-        check_opening(scenario, game, claimed)
+        check_branch_and_bound(scenario, game, claimed)
         return claimed
     assert certificate.oldest is not None  # see `Certificate.checked`
     by_prices = proven_age_sum(scenario, certificate.prices, certificate.oldest, game)
@@ -237,7 +241,7 @@ def _check_is_for(scenario: Scenario, certificate: Certificate) -> None:
         return
     if scenario.duplex.part.num_choices > 1:
         raise InputError(
-            "certificate: kind: the sharing bound is for scenarios where an AUV names one node, "
+            "certificate: kind: the Lagrangian bound is for scenarios where an AUV names one node, "
             "as in TDD"
         )
     untrusted.whole_number("oldest", certificate.oldest, 2, max(2, maximum))

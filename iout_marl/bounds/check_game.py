@@ -1,7 +1,7 @@
 """The game of a scenario for checks: in whole numbers, and by other means than the search's.
 
 Energies are those of `iout_marl.core.whole_levels`. Nothing is shared with the search but the
-world's own table of links and the ladder of levels, for which any ladder would do.
+world's own table of links and the levels of energy, for which any would do.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def finite_game(scenario: Scenario, levels_j: tuple[float, ...]) -> Game:
 
     Args:
         scenario: the scenario, which `is_covered`.
-        levels_j: (levels − 1,) ladder of stored energies in J, without the last: numbers from 0
+        levels_j: (levels − 1,) stored energies in J, without the last: numbers from 0
             that rise.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Stored energy on a ladder of levels, rounded so that a node is never poorer than in the world.
+"""Stored energy in levels, rounded so that a node is never poorer than in the world.
 
 See `iout_marl.core.levels`, and the duplex parts for what a slot does to a level.
 """
@@ -18,8 +18,8 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 
-class Ladder(NamedTuple):
-    """A ladder of levels in shares of the largest harvest of a slot."""
+class LevelSpacing(NamedTuple):
+    """How levels are spaced, in shares of the largest harvest of a slot."""
 
     step: float  # lowest levels: multiples of this,
     num_steps: int  # so many of them;
@@ -28,24 +28,24 @@ class Ladder(NamedTuple):
 
 
 #: Few levels, for bounds that list states of all nodes together.
-COARSE = Ladder(step=0.024, num_steps=15, wider_by=1.12, top=1.8)
+COARSE = LevelSpacing(step=0.024, num_steps=15, wider_by=1.12, top=1.8)
 #: Many, for bounds that take the nodes one by one.
-FINE = Ladder(step=0.012, num_steps=30, wider_by=1.08, top=3.0)
+FINE = LevelSpacing(step=0.012, num_steps=30, wider_by=1.08, top=3.0)
 #: The fewest, to find one's way.
-ROUGH = Ladder(step=0.05, num_steps=7, wider_by=1.25, top=1.8)
-#: Ladders are made for no smaller harvest: their levels would be one and the same.
+ROUGH = LevelSpacing(step=0.05, num_steps=7, wider_by=1.25, top=1.8)
+#: Levels are made for no smaller harvest: they would be one and the same.
 LEAST_J = 1e-200
 #: Error allowed per slot for the world's floating-point sums, as a share of the energies.
 ROUNDING = 1e-11
 
 
-def ladder_j(ladder: Ladder, largest_harvest_j: float) -> Floats:
+def energy_levels_j(spacing: LevelSpacing, largest_harvest_j: float) -> Floats:
     """(levels,) energies in J, from 0 to infinity."""
-    # Any ladder will do where nothing, or all but nothing, can be harvested.
+    # Any levels will do where nothing, or all but nothing, can be harvested.
     unit_j = max(largest_harvest_j, LEAST_J)
-    levels = [i * ladder.step * unit_j for i in range(ladder.num_steps + 1)]
-    while levels[-1] < ladder.top * unit_j:
-        levels.append(levels[-1] * ladder.wider_by)
+    levels = [i * spacing.step * unit_j for i in range(spacing.num_steps + 1)]
+    while levels[-1] < spacing.top * unit_j:
+        levels.append(levels[-1] * spacing.wider_by)
     return np.array([*levels, np.inf])
 
 
@@ -54,7 +54,7 @@ def make_tables(scenario: Scenario, levels_j: Floats, tolerance_j: float) -> Tab
 
     Args:
         scenario: the scenario.
-        levels_j: the ladder, by `ladder_j`.
+        levels_j: the levels, by `energy_levels_j`.
         tolerance_j: by how much the world's energies may exceed a level, see `tolerance_j`.
     """
     world = World(scenario)

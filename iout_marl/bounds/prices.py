@@ -1,4 +1,4 @@
-"""Prices of the sharing bound: p_t and μ_kt(x), as few numbers."""
+"""Prices of the Lagrangian bound: p_t and μ_kt(x), as few numbers."""
 
 from __future__ import annotations
 

@@ -75,5 +75,5 @@ class Credit:
             state: the state after the slot.
         """
         if self.is_shared:
-            return self._nodes.alike(total)
+            return self._nodes.broadcast_to_auvs(total)
         return total[:, None] - term(state.others_age, state.others_deliveries)

@@ -24,7 +24,7 @@ class Ranges:
     limit: float = 4.0
 
     @classmethod
-    def alike(cls, size: int, low: float, high: float, scale: float) -> Ranges:
+    def uniform(cls, size: int, low: float, high: float, scale: float) -> Ranges:
         """The same for so many entries."""
         ones = np.ones(size)
         return cls(low * ones, high * ones, scale * ones)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from iout_marl.deprecated import warn_renamed
 from iout_marl.physics.arrays import Array
 
 
@@ -52,6 +53,12 @@ class Events(NamedTuple):
     heard: Array  # (envs, auvs) int: node asked for its data
     beta: Array  # (envs, auvs) float: TDD's share of the slot for charging; 0 in FDD
     harvested_j: Array  # (envs, auvs) float, J: energy the node charged has harvested
-    payable_j: Array  # (envs, nodes) float, J: energy stored when the uplinks begin
+    available_j: Array  # (envs, nodes) float, J: energy stored when the uplinks begin
     delivered: Array  # (envs, auvs) bool: the node heard has delivered its packet
     spent_j: Array  # (envs, auvs) float, J: energy the node heard has spent
+
+    @property
+    def payable_j(self) -> Array:
+        """The name of `available_j` in the version before."""
+        warn_renamed("Events.payable_j", "Events.available_j")
+        return self.available_j

@@ -1,6 +1,6 @@
-"""What the faces share: a batch of episodes, from seeds and actions to NumPy arrays.
+"""What the APIs share: a batch of episodes, from seeds and actions to NumPy arrays.
 
-Every face is a thin translation of this class into another API.
+Every API class is a thin translation of this class into another API.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from gymnasium import spaces
 
 from iout_marl.envs.arguments import render_mode_of
 from iout_marl.envs.maskable import MaskableMultiDiscrete
-from iout_marl.envs.play import BatchedPlay, Play, UnrolledPlay
+from iout_marl.envs.stepper import ArrayStepper, Stepper, TracedStepper
 from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text, print_text
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario
@@ -23,7 +23,7 @@ from iout_marl.world import Events, State, World, node_codes, redraws_every_epis
 from iout_marl.world.actions import ActionCheck
 from iout_marl.world.observation import Ranges
 
-#: Of a slot and an environment, by name: see `Episodes.info`.
+#: Infos of one slot of one environment, by name: see `EpisodeBatch.info`.
 INFO_KEYS = (
     "aoi_now",
     "mean_aoi",
@@ -51,7 +51,7 @@ _STATE_FIELDS = {
 FloatArray = npt.NDArray[np.float32]
 
 
-class Episodes:
+class EpisodeBatch:
     """Episodes of a scenario in a batch that start and end together, unless some are restarted.
 
     Args:
@@ -85,7 +85,7 @@ class Episodes:
         except MemoryError:
             raise InputError(f"num_envs: no memory for {num_envs:,} environments") from None
         self._num_envs = self.world.num_envs
-        self._play: Play | None = None
+        self._stepper: Stepper | None = None
         self.mask_place = self.scenario.observation.action_mask
         self._sizes = np.array(self.world.action_sizes)
         self._check = ActionCheck(self._num_envs, self.world.num_auvs, self.world.action_sizes)
@@ -107,9 +107,11 @@ class Episodes:
     def __getstate__(self) -> dict[str, Any]:
         # A world holds its array library, which cannot be copied, nor can a function made
         # of it; but they hold nothing that changes, either.
-        state = {**vars(self), "world": None, "_play": None}
+        state = {**vars(self), "world": None, "_stepper": None}
         summed = tuple(metric.name for metric in self.world.summed)
-        return state | {"_played": self._play and (self._play.state, self._play.events, summed)}
+        return state | {
+            "_played": self._stepper and (self._stepper.state, self._stepper.events, summed)
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         played = state.pop("_played")
@@ -117,17 +119,17 @@ class Episodes:
         self.world = World(self.scenario, self._num_envs)
         if played:
             before, events, summed = played
-            self._play = self._play_from(self.world.with_sums_of(before, summed), events)
+            self._stepper = self._stepper_from(self.world.with_sums_of(before, summed), events)
 
-    def _play_from(self, state: State, events: Events | None = None) -> Play:
+    def _stepper_from(self, state: State, events: Events | None = None) -> Stepper:
         slot = None
         if self._num_envs == 1 and pays_unrolled(self.scenario):
             slot = unrolled_slot(
                 self.scenario, with_mask=self.mask_place != "none", summed=self.world.summed
             )
         if slot is None:
-            return BatchedPlay(self.world, state, events)
-        return UnrolledPlay(slot, self.world, state, events)
+            return ArrayStepper(self.world, state, events)
+        return TracedStepper(slot, self.world, state, events)
 
     def reset(
         self,
@@ -161,11 +163,11 @@ class Episodes:
             self._layout[reseeded] = node_codes(
                 self.scenario, self.world.grid, [self._rngs[i] for i in reseeded]
             )
-        self._play = self._play_from(self.world.reset(self._layout))
+        self._stepper = self._stepper_from(self.world.reset(self._layout))
         self._show()
 
     def _restart(self, seeds: Sequence[int | None] | None, where: npt.NDArray[np.bool_]) -> None:
-        before, events = self.current, self._playing.events
+        before, events = self.current, self._running.events
         rows = np.flatnonzero(where).tolist()
         for i in rows:
             if seeds is not None and seeds[i] is not None:
@@ -179,7 +181,7 @@ class Episodes:
             self._layout[drawn] = node_codes(self.scenario, self.world.grid, rngs)
         first = self.world.reset(self._layout)
         state = State(*(_written(old, new, where) for old, new in zip(before, first, strict=True)))
-        self._play, self._is_apart = self._play_from(state, events), bool(state.slot.any())
+        self._stepper, self._is_apart = self._stepper_from(state, events), bool(state.slot.any())
         self._show()
 
     def action_space_for(self, num_auvs: int) -> spaces.MultiDiscrete:
@@ -199,18 +201,18 @@ class Episodes:
         Raises:
             RuntimeError: before the first reset.
         """
-        return self._playing.state
+        return self._running.state
 
     @property
     def has_begun(self) -> bool:
         """Whether there was a reset."""
-        return self._play is not None
+        return self._stepper is not None
 
     @property
-    def _playing(self) -> Play:
-        if self._play is None:
+    def _running(self) -> Stepper:
+        if self._stepper is None:
             raise RuntimeError("the episode has not begun: call reset() first")
-        return self._play
+        return self._stepper
 
     def step(self, action: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """One slot of every environment.
@@ -225,13 +227,13 @@ class Episodes:
             InputError: an action lies outside its space.
             RuntimeError: an episode is over, or has not begun.
         """
-        play = self._playing
+        stepper = self._running
         if self._is_apart and self.over.any():
             which = np.flatnonzero(self.over).tolist()
             raise RuntimeError(f"the episodes of environments {which} are over: reset them first")
         if self.is_over:
             raise RuntimeError("the episode is over: call reset() first")
-        reward = play.step(self._check(action))
+        reward = stepper.step(self._check(action))
         self._show()
         return reward
 
@@ -245,19 +247,19 @@ class Episodes:
         """Which episodes have reached their time limit, (envs,)."""
         if not self._is_apart:
             return np.full(self._num_envs, self.is_over)
-        return np.asarray(self._playing.now("slot") >= self.world.num_slots)
+        return np.asarray(self._running.now("slot") >= self.world.num_slots)
 
     @property
     def _slots_over(self) -> int:
-        return int(self._playing.now("slot").item(0))
+        return int(self._running.now("slot").item(0))
 
     def observe(self) -> FloatArray:
         """(envs, auvs, entries) observations, without masks; a fresh array each time."""
-        return self._playing.observe()
+        return self._running.observe()
 
     def masks(self) -> npt.NDArray[np.int8]:
         """(envs, auvs, choices): 1 for each sensible choice."""
-        return self._playing.masks()
+        return self._running.masks()
 
     def observe_globally(self) -> FloatArray:
         """(envs, entries): the vectors for central critics."""
@@ -278,8 +280,8 @@ class Episodes:
         """
         if self._is_apart:
             return self._info_apart()
-        now, slot = self._playing.now, self._slots_over
-        last = self._playing.last if slot else self._no_events
+        now, slot = self._running.now, self._slots_over
+        last = self._running.last if slot else self._no_events
         aoi_now = now("mean_age")
         return {
             "aoi_now": aoi_now,
@@ -300,12 +302,12 @@ class Episodes:
 
     def _info_apart(self) -> dict[str, npt.NDArray[np.float64]]:
         """`info` where some episodes have begun later than others."""
-        playing, slots = self._playing, self._playing.now("slot")
+        running, slots = self._running, self._running.now("slot")
         begun = slots > 0
         own = ("harvested_j", "delivered", "beta")
-        last = {name: np.where(begun[:, None], playing.last(name), 0.0) for name in own}
-        now = {name: playing.now(field) for name, field in _STATE_FIELDS.items()}
-        mean = playing.now("age_sum") / np.maximum(slots, 1)
+        last = {name: np.where(begun[:, None], running.last(name), 0.0) for name in own}
+        now = {name: running.now(field) for name, field in _STATE_FIELDS.items()}
+        mean = running.now("age_sum") / np.maximum(slots, 1)
         now["time_mean_aoi"] = np.where(begun, mean, now["mean_aoi"])
         return {name: (now | last)[name] for name in INFO_KEYS}
 
@@ -324,7 +326,7 @@ class Episodes:
 
     def _snapshot(self, env: int) -> Snapshot:
         state = self.current
-        events = self._playing.events if state.slot[env] else None
+        events = self._running.events if state.slot[env] else None
         return Snapshot.from_world(self.world, state, events, env)
 
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 
 from iout_marl.envs.arguments import RENDER_MODES, options_of, seed_of
-from iout_marl.envs.episodes import Episodes, FloatArray
+from iout_marl.envs.episodes import EpisodeBatch, FloatArray
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.world.actions import integers
@@ -41,7 +41,7 @@ class AUVEnv(gymnasium.Env[Any, Any]):
         *,
         overrides: Overrides = None,
     ) -> None:
-        self._episodes = Episodes(scenario, render_mode=render_mode, overrides=overrides)
+        self._episodes = EpisodeBatch(scenario, render_mode=render_mode, overrides=overrides)
         self.render_mode = render_mode
         self.scenario = self._episodes.scenario
         self.observation_space, self.action_space = joint_spaces(self._episodes)
@@ -49,7 +49,7 @@ class AUVEnv(gymnasium.Env[Any, Any]):
         self.observation_ranges = joint_ranges(self._episodes)
 
     @property
-    def episodes(self) -> Episodes:
+    def episodes(self) -> EpisodeBatch:
         """What the environment plays: its world, and the state that it is in."""
         return self._episodes
 
@@ -102,7 +102,7 @@ class AUVEnv(gymnasium.Env[Any, Any]):
         return {k: v if isinstance(v, np.ndarray) else v.item() for k, v in info.items()}
 
 
-def joint_spaces(episodes: Episodes) -> tuple[spaces.Space[Any], spaces.MultiDiscrete]:
+def joint_spaces(episodes: EpisodeBatch) -> tuple[spaces.Space[Any], spaces.MultiDiscrete]:
     """Observation and action space of a controller of all AUVs."""
     m = episodes.world.num_auvs
     vector = episodes.vector_space
@@ -114,14 +114,14 @@ def joint_spaces(episodes: Episodes) -> tuple[spaces.Space[Any], spaces.MultiDis
     return spaces.Dict({"observation": joint, "action_mask": masks}), actions
 
 
-def joint_ranges(episodes: Episodes) -> Ranges:
+def joint_ranges(episodes: EpisodeBatch) -> Ranges:
     """Those of the observations of all AUVs, joined end to end."""
     own, m = episodes.world.observer.agent_ranges, episodes.world.num_auvs
     low, high, scale = (np.tile(each, m) for each in (own.low, own.high, own.scale))
     return Ranges(low, high, scale, own.limit)
 
 
-def split_actions(episodes: Episodes, actions: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def split_actions(episodes: EpisodeBatch, actions: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """(envs, auvs · entries) joint actions as (envs, auvs, entries).
 
     Raises:
@@ -135,7 +135,7 @@ def split_actions(episodes: Episodes, actions: npt.NDArray[Any]) -> npt.NDArray[
     return actions.reshape(-1, m, entries)
 
 
-def joint_observations(episodes: Episodes) -> FloatArray | dict[str, npt.NDArray[Any]]:
+def joint_observations(episodes: EpisodeBatch) -> FloatArray | dict[str, npt.NDArray[Any]]:
     """(envs, auvs · entries) observations, with the masks beside them where asked for."""
     vectors = episodes.observe().reshape(episodes.world.num_envs, -1)
     if episodes.mask_place != "observation":
@@ -144,8 +144,8 @@ def joint_observations(episodes: Episodes) -> FloatArray | dict[str, npt.NDArray
     return {"observation": vectors, "action_mask": masks}
 
 
-def joint_info(episodes: Episodes) -> dict[str, npt.NDArray[Any]]:
-    """`Episodes.info` with the AUVs taken together, (envs,) each.
+def joint_info(episodes: EpisodeBatch) -> dict[str, npt.NDArray[Any]]:
+    """`EpisodeBatch.info` with the AUVs taken together, (envs,) each.
 
     `harvested_j` and `delivered` are sums over AUVs, `beta` is their mean; the mask,
     where asked for, is (envs, auvs · choices).

@@ -12,7 +12,7 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from iout_marl.envs.arguments import RENDER_MODES, options_of, seed_of
-from iout_marl.envs.episodes import Episodes
+from iout_marl.envs.episodes import EpisodeBatch
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.whole import short
@@ -50,7 +50,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         *,
         overrides: Overrides = None,
     ) -> None:
-        self._episodes = Episodes(scenario, render_mode=render_mode, overrides=overrides)
+        self._episodes = EpisodeBatch(scenario, render_mode=render_mode, overrides=overrides)
         self.render_mode = render_mode
         self.scenario = self._episodes.scenario
         self.possible_agents = [f"auv_{i}" for i in range(self.scenario.num_auvs)]
@@ -64,11 +64,11 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
             a: copy.deepcopy(self._episodes.action_space) for a in self.possible_agents
         }
         self.state_space = self._episodes.state_space
-        #: Of one AUV's observation: what brings its entries to the order of one, see `Ranges`.
+        #: What brings the entries of one AUV's observation to the order of one, see `Ranges`.
         self.observation_ranges = self._episodes.world.observer.agent_ranges
 
     @property
-    def episodes(self) -> Episodes:
+    def episodes(self) -> EpisodeBatch:
         """What the environment plays: its world, and the state that it is in."""
         return self._episodes
 
@@ -94,7 +94,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         """Start an episode.
 
         Args:
-            seed: starts a new stream of random layouts; None goes on with the old one.
+            seed: starts a new stream of random layouts; None continues with the old one.
             options: none are known; unknown ones have no effect.
 
         Raises:

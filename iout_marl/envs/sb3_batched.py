@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from iout_marl.envs.arguments import seed_of
-from iout_marl.envs.episodes import Episodes
+from iout_marl.envs.episodes import EpisodeBatch
 from iout_marl.envs.parallel import AUVParallelEnv
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides, Scenario
@@ -55,23 +55,25 @@ class SB3VecEnv(VecEnv):
         *,
         overrides: Overrides = None,
     ) -> None:
-        self._episodes = episodes = Episodes(scenario, num_envs, render_mode, overrides=overrides)
+        self._episodes = episodes = EpisodeBatch(
+            scenario, num_envs, render_mode, overrides=overrides
+        )
         self.scenario = episodes.scenario
-        #: Of one slot: what brings the entries of its observation to the order of one.
+        #: What brings, in one slot, the entries of its observation to the order of one.
         self.observation_ranges = episodes.world.observer.agent_ranges
         num_slots = episodes.world.num_envs * episodes.world.num_auvs
         self._slots = [Slot(self, i) for i in range(num_slots)]
         super().__init__(num_slots, episodes.observation_space, episodes.action_space)
         self.metadata |= {"render_fps": AUVParallelEnv.metadata["render_fps"]}
         self._actions: Any = None
-        #: Of the current slot, where they were asked for.
+        #: Masks of the current slot, where they were asked for.
         self._masks: npt.NDArray[np.int8] | None = None
         self._returns = np.zeros(num_slots)
         self._length = 0
         self._started = time.time()
 
     @property
-    def episodes(self) -> Episodes:
+    def episodes(self) -> EpisodeBatch:
         """What the environment plays: its worlds, and the state that they are in."""
         return self._episodes
 
@@ -97,7 +99,7 @@ class SB3VecEnv(VecEnv):
         """Start an episode of every world.
 
         Args:
-            seed: as for `seed`; None leaves the seeds to it, or goes on with their streams.
+            seed: as for `seed`; None leaves the seeds to it, or continues with their streams.
 
         Returns:
             (slots, entries) observations, or a mapping of arrays where masks are beside them;

@@ -17,7 +17,7 @@ from iout_marl.envs.arguments import (
     reset_mask_of,
     seeds_of,
 )
-from iout_marl.envs.episodes import Episodes
+from iout_marl.envs.episodes import EpisodeBatch
 from iout_marl.envs.joint import (
     joint_info,
     joint_observations,
@@ -75,18 +75,18 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
         self.autoreset_mode = autoreset_mode_of(mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self._is_next_reset = False
-        self._episodes = Episodes(scenario, num_envs, render_mode, overrides=overrides)
+        self._episodes = EpisodeBatch(scenario, num_envs, render_mode, overrides=overrides)
         self.num_envs = num_envs = self._episodes.world.num_envs
         self.render_mode = render_mode
         self.scenario = self._episodes.scenario
         self.single_observation_space, self.single_action_space = joint_spaces(self._episodes)
-        #: Of one environment: what brings the entries of an observation to the order of one.
+        #: What brings the entries of one environment's observation to the order of one.
         self.observation_ranges = joint_ranges(self._episodes)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
     @property
-    def episodes(self) -> Episodes:
+    def episodes(self) -> EpisodeBatch:
         """What the environment plays: its world, and the state that it is in."""
         return self._episodes
 

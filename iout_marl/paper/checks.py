@@ -136,7 +136,7 @@ def lower(
 def less(
     results: Results, what: str, measured: Sequence[tuple[float, Measured, Measured]]
 ) -> Finding:
-    """Of each pair the first is less than the second, by the interval of the ratio."""
+    """Whether, in each pair, the first is less than the second, by the interval of the ratio."""
     checks = []
     for place, a, b in measured:
         share = reduction(a, b)

@@ -182,7 +182,7 @@ def energy_cells() -> list[EnergyCell]:
 
 
 def normalised_square_error() -> dict[float, float]:
-    """Of the approximation, by β: Σ (E − Ê)²/Σ E² over the table's distances."""
+    """The error of the approximation, by β: Σ (E − Ê)²/Σ E² over the table's distances."""
     link = TddLink()
     rows = printed_energies()
     d = [row.distance_m for row in rows]

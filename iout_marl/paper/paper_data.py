@@ -91,7 +91,7 @@ def printed_costs() -> dict[tuple[int, str], PrintedCost]:
 
 
 def mean_distance_from_start(nodes: float) -> str | None:
-    """Of the first nodes of the paper's layout from the AUV's start; None of no number."""
+    """Figures of the first nodes of the paper's layout from the AUV's start; None of no number."""
     scenario = load_scenario("paper/k10-tdd")
     cells = np.array(scenario.nodes.cells)
     if nodes not in range(1, len(cells) + 1):

@@ -78,7 +78,7 @@ def pick(xp: Any, pair: Array, flags: Array) -> Array:
     return pair.take(flags) if xp is np else xp.where(flags, pair[1], pair[0])
 
 
-def turned(xp: Any, array: Array) -> Array:
+def reverse_axes(xp: Any, array: Array) -> Array:
     """The array with its axes in reverse order, as a view."""
     if xp is np:
         return array.T

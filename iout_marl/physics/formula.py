@@ -30,7 +30,7 @@ Given = Mapping[str, Array]
 class Domain(NamedTuple):
     """The finite numbers that an argument may be."""
 
-    #: What it must be, as 'must …' goes on.
+    #: What it must be, as 'must …' continues.
     words: str
     #: Where a value is such; may look at the other arguments.
     holds: Callable[[Array, Given], Array]
@@ -166,7 +166,7 @@ def _refuse_nan(function: str, result: Array, given: Given) -> None:
 
 
 def _at_first(flags: Array, x: Array) -> float:
-    """Of an array, broadcast, the number where the first flag is set."""
+    """The number in an array, broadcast, where the first flag is set."""
     xp = array_api_compat.array_namespace(x)
     values = xp.reshape(xp.broadcast_to(x, flags.shape), (-1,))
     first = int(xp.argmax(xp.astype(xp.reshape(flags, (-1,)), xp.int8)))

@@ -1,18 +1,21 @@
 """Policies: what one is, those that need no training, and how all of them are called."""
 
+from typing import Any
+
+from iout_marl.deprecated import warn_renamed
 from iout_marl.policies.baselines import Greedy, RandomWalk, RoundRobin
 from iout_marl.policies.chance import EpisodeStreams
 from iout_marl.policies.loading import AnyPolicy, as_policy, load_policy, policy_for
-from iout_marl.policies.named import BASELINES, UNTRAINED, make_baseline
+from iout_marl.policies.named import BASELINES, POLICIES, make_baseline
 from iout_marl.policies.planned import PlannerPolicy, Tour
 from iout_marl.policies.policy import Actions, Policy, is_deterministic, take_actions
 from iout_marl.policies.predicting import BasePolicy, ObservationPolicy
-from iout_marl.policies.search import USUAL, Budget
+from iout_marl.policies.search import DEFAULT_BUDGET, Budget
 
 __all__ = [
     "BASELINES",
-    "UNTRAINED",
-    "USUAL",
+    "DEFAULT_BUDGET",
+    "POLICIES",
     "Actions",
     "AnyPolicy",
     "BasePolicy",
@@ -32,3 +35,13 @@ __all__ = [
     "policy_for",
     "take_actions",
 ]
+
+#: What names of the version before are called now.
+_RENAMED = {"UNTRAINED": "POLICIES", "USUAL": "DEFAULT_BUDGET"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _RENAMED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    warn_renamed(f"iout_marl.policies.{name}", f"iout_marl.policies.{_RENAMED[name]}")
+    return globals()[_RENAMED[name]]

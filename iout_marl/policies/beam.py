@@ -1,4 +1,4 @@
-"""Beam search: in every slot many ways to go on are played, the most promising are kept."""
+"""Beam search: in every slot many ways to continue are played, the most promising are kept."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ class BeamSearch:
         self._directions = world.motion.num_directions
         self._moves = self._directions if world.num_auvs == 1 else MOVES
         ways = self._moves * choices
-        self._width = max(episodes // (ways * len(simulator.hastes)), 1)
+        self._width = max(episodes // (ways * len(simulator.urgency_exponents)), 1)
         self._parent = np.repeat(np.arange(self._width), ways)
-        self._parents = np.tile(self._parent, len(simulator.hastes))
+        self._parents = np.tile(self._parent, len(simulator.urgency_exponents))
 
     def search(
         self,
@@ -84,12 +84,12 @@ class BeamSearch:
         beam = rows(state, np.zeros(self._width, dtype=np.int64))
         actions, parents = [], []
         for slot, cells in enumerate(route):
-            action = self._tried(rows(beam, self._parent), cells, rng)
+            action = self._expand(rows(beam, self._parent), cells, rng)
             if known is not None:
                 # The first child of the first episode.
                 action[0] = known[slot]
             after = self._simulator.step(rows(beam, self._parents), action)
-            prospect = self._prospect(after, weights, len(route) - slot - 1)
+            prospect = self._score(after, weights, len(route) - slot - 1)
             if known is not None:
                 prospect[0] = -np.inf
             # Episodes that come to the same by other ways are one.
@@ -104,8 +104,8 @@ class BeamSearch:
             child = int(parent[child])
         return np.array(found[::-1])
 
-    def _tried(self, before: State, cells: Integers, rng: np.random.Generator) -> Integers:
-        """The actions to try in a slot, (hastes · width · moves · choices, auvs, entries)."""
+    def _expand(self, before: State, cells: Integers, rng: np.random.Generator) -> Integers:
+        """The actions to try in a slot, (exponents · width · moves · choices, auvs, entries)."""
         direction = self._moves_near(before.cell, cells, rng)
         if self._choices > 1:
             factor = np.exp(NOISE * rng.standard_normal(before.age.shape))
@@ -125,7 +125,7 @@ class BeamSearch:
         towards = self._simulator.towards(cell, np.broadcast_to(target, cell.shape))
         return np.where(strays, stray, towards)
 
-    def _prospect(self, state: State, weights: Weights, slots_left: int) -> Floats:
+    def _score(self, state: State, weights: Weights, slots_left: int) -> Floats:
         """Ages so far and to be expected, less what the stores are worth: (envs,)."""
         world = self._simulator.world
         lacking = links(world, state.cell, state).missing_slots.min(axis=1)

@@ -46,7 +46,9 @@ def near_uplink_j(world: World) -> float:
     return float(bounded(uplink_j, UPLINK_W[0], DEAREST_J))
 
 
-def choose(world: World, state: State, cell: Integers, hastes: tuple[float, ...]) -> Integers:
+def greedy_action(
+    world: World, state: State, cell: Integers, urgency_exponents: tuple[float, ...]
+) -> Integers:
     """The nodes that the AUVs name once they are in `cell`.
 
     AUVs choose in turn, the one with the most to gain first, and no two the same node
@@ -58,15 +60,15 @@ def choose(world: World, state: State, cell: Integers, hastes: tuple[float, ...]
         world: the world: its rules. `state` may be of another number of environments.
         state: the state before the slot.
         cell: (envs, auvs) codes of the cells that the AUVs will be in.
-        hastes: exponents, from 0; FDD makes no difference between them.
+        urgency_exponents: exponents, from 0; FDD makes no difference between them.
 
     Returns:
-        (hastes, envs, auvs, 1 or 2): the entries of an action after the direction.
+        (urgency_exponents, envs, auvs, 1 or 2): the entries of an action after the direction.
     """
     here = links(world, cell, state)
     if world.duplex.num_choices == 1:
-        return _choose_one(world, state, cell, here, hastes)[..., None]
-    return np.stack([np.stack(_choose_two(world, state, here), axis=-1)] * len(hastes))
+        return _choose_one(world, state, cell, here, urgency_exponents)[..., None]
+    return np.stack([np.stack(_choose_two(world, state, here), axis=-1)] * len(urgency_exponents))
 
 
 def _choose_two(world: World, state: State, here: Links) -> tuple[Integers, Integers]:
@@ -104,9 +106,9 @@ def _choose_two(world: World, state: State, here: Links) -> tuple[Integers, Inte
 
 
 def _choose_one(
-    world: World, state: State, cell: Integers, here: Links, hastes: tuple[float, ...]
+    world: World, state: State, cell: Integers, here: Links, urgency_exponents: tuple[float, ...]
 ) -> Integers:
-    """TDD: the node to charge and hear, (hastes, envs, auvs)."""
+    """TDD: the node to charge and hear, (urgency_exponents, envs, auvs)."""
     stored_j = np.broadcast_to(state.energy_j[:, None, :], here.offset.shape)
     beta = np.asarray(world.duplex.split(here.offset, here.offset, stored_j).beta)
     slots = 1 + np.where(beta < 1, 0, here.missing_slots)
@@ -114,8 +116,8 @@ def _choose_one(
         too_weak = (beta == 0) & (stored_j < here.required_j * _noise(world, cell)[..., None])
         slots = np.where(too_weak, 2, slots)
 
-    named = np.zeros((len(hastes), *cell.shape), dtype=np.int64)
-    for row, haste in zip(named, hastes, strict=True):
+    named = np.zeros((len(urgency_exponents), *cell.shape), dtype=np.int64)
+    for row, haste in zip(named, urgency_exponents, strict=True):
         worth = state.age[:, None, :] / slots**haste
         for _ in range(world.num_auvs):
             env, auv, node = _best(worth)

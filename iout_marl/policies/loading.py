@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.outside import import_named
-from iout_marl.policies.named import UNTRAINED, make_baseline
+from iout_marl.policies.named import POLICIES, make_baseline
 from iout_marl.policies.policy import Policy
 from iout_marl.policies.predicting import AskedPolicy, BasePolicy, ObservationPolicy
 from iout_marl.scenario import Scenario
@@ -130,11 +130,11 @@ def as_policy(policy: Any) -> BasePolicy:
 
 def is_run(name: str) -> bool:
     """Whether a name means a run: it is a folder, and no baseline."""
-    return name not in UNTRAINED and os.path.isdir(name)  # noqa: PTH112 (never raises)
+    return name not in POLICIES and os.path.isdir(name)  # noqa: PTH112 (never raises)
 
 
 def members(folder: Path) -> list[Path]:
-    """Of a folder that is no run, the runs in it: those of several policies, say.
+    """The runs in a folder that is no run itself: those of several policies, say.
 
     Raises:
         InputError: it cannot be read.
@@ -171,7 +171,7 @@ def _name_of(source: Any) -> str:
 
 def _untrained(name: str, option: str) -> BasePolicy:
     where = f"{option} {name or shlex.quote(name)}"
-    if name in UNTRAINED:
+    if name in POLICIES:
         return make_baseline(name)
     if ":" not in name:
         raise InputError(f"{where}: {_what_else(name)}")
@@ -219,7 +219,7 @@ def _what_else(name: str) -> str:
             for near in difflib.get_close_matches(place.name, runs, 1, cutoff=0.75):
                 meant = shlex.quote(str(place.parent / near))
                 return f"{_NOTHING}; did you mean {meant}?"
-    return f"{_NOTHING}{did_you_mean(name, UNTRAINED)}"
+    return f"{_NOTHING}{did_you_mean(name, POLICIES)}"
 
 
 def _holds_policy(folder: Path) -> bool:

@@ -17,7 +17,7 @@ BASELINES: dict[str, Callable[[], BasePolicy]] = {
     "tour": Tour,
 }
 #: All that need no training: those, and one that takes its time for every layout.
-UNTRAINED: dict[str, Callable[[], BasePolicy]] = {**BASELINES, "planner": PlannerPolicy}
+POLICIES: dict[str, Callable[[], BasePolicy]] = {**BASELINES, "planner": PlannerPolicy}
 
 
 def make_baseline(name: str) -> BasePolicy:
@@ -26,6 +26,6 @@ def make_baseline(name: str) -> BasePolicy:
     Raises:
         InputError: no such policy.
     """
-    if name not in UNTRAINED:
-        raise InputError(f"no policy {name!r}{did_you_mean(name, UNTRAINED)}")
-    return UNTRAINED[name]()
+    if name not in POLICIES:
+        raise InputError(f"no policy {name!r}{did_you_mean(name, POLICIES)}")
+    return POLICIES[name]()

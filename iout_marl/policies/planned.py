@@ -9,7 +9,7 @@ import numpy as np
 
 from iout_marl.policies.policy import Actions, Policy
 from iout_marl.policies.predicting import BasePolicy
-from iout_marl.policies.search import USUAL, Budget, Planner
+from iout_marl.policies.search import DEFAULT_BUDGET, Budget, Planner
 from iout_marl.policies.simulator import Plan
 from iout_marl.world import State, World
 
@@ -26,7 +26,7 @@ class _Planned(BasePolicy):
     searches: bool
 
     def __init__(
-        self, budget: Budget = USUAL, *, warm: Sequence[Policy] = (), seed: int = 0
+        self, budget: Budget = DEFAULT_BUDGET, *, warm: Sequence[Policy] = (), seed: int = 0
     ) -> None:
         self._budget = budget
         self._warm = tuple(warm)

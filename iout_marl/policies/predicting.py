@@ -21,7 +21,7 @@ from iout_marl.world import State, World
 from iout_marl.world.actions import ActionCheck
 
 if TYPE_CHECKING:
-    from iout_marl.envs.episodes import Episodes
+    from iout_marl.envs.episodes import EpisodeBatch
 
 
 class BasePolicy(ABC):
@@ -117,17 +117,17 @@ class ObservationPolicy(BasePolicy):
             return np.asarray(chosen, dtype=object)
 
 
-def episodes_of(env: Any) -> Episodes:
+def episodes_of(env: Any) -> EpisodeBatch:
     """What an environment plays.
 
     Raises:
         InputError: it is none of this package's, in any wrapper.
         RuntimeError: it was not reset yet.
     """
-    from iout_marl.envs.episodes import Episodes
+    from iout_marl.envs.episodes import EpisodeBatch
 
     episodes = getattr(getattr(env, "unwrapped", env), "episodes", None)
-    if not isinstance(episodes, Episodes):
+    if not isinstance(episodes, EpisodeBatch):
         raise InputError(
             "env: must be an environment of iout_marl, such as iout_v0.parallel_env(), AUVEnv or "
             f"AUVVectorEnv, wrapped or not, but it is {short(env)}"
@@ -136,9 +136,9 @@ def episodes_of(env: Any) -> Episodes:
 
 
 def rows_of(
-    values: npt.NDArray[Any], question: Question, episodes: Episodes, who: str
+    values: npt.NDArray[Any], question: Question, episodes: EpisodeBatch, who: str
 ) -> npt.NDArray[Any]:
-    """Of (envs, auvs, …) values, the row of each row of the question.
+    """The row, of (envs, auvs, …) values, for each row of the question.
 
     Raises:
         InputError: the question is neither by agents nor about all of them.
@@ -176,10 +176,10 @@ class _Asked:
     last: tuple[Policy, State, Actions] | None = None
 
 
-_ASKED: WeakKeyDictionary[Episodes, _Asked] = WeakKeyDictionary()
+_ASKED: WeakKeyDictionary[EpisodeBatch, _Asked] = WeakKeyDictionary()
 
 
-def asked_in(episodes: Episodes) -> _Asked:
+def asked_in(episodes: EpisodeBatch) -> _Asked:
     """The streams of an environment, which begin anew whenever it is reset by a seed."""
     asked = _ASKED.get(episodes)
     if asked is None or asked.seeds is not episodes.seeds:
@@ -188,7 +188,7 @@ def asked_in(episodes: Episodes) -> _Asked:
     return asked
 
 
-def _acted(policy: Policy, episodes: Episodes, rng: np.random.Generator | None) -> Actions:
+def _acted(policy: Policy, episodes: EpisodeBatch, rng: np.random.Generator | None) -> Actions:
     """The actions of all AUVs; asked again in the same slot, a policy answers the same."""
     world, state, asked = episodes.world, episodes.current, asked_in(episodes)
     if rng is None and asked.last and asked.last[0] is policy and asked.last[1] is state:

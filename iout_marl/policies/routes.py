@@ -38,7 +38,7 @@ def tours(
         (reaches, slots, auvs, 3) cells from 0 after each slot.
     """
     points = nodes.astype(np.float64)
-    shares = shared_out(points, starts.astype(np.float64))
+    shares = assign_nodes(points, starts.astype(np.float64))
     stops = -(-len(nodes) // len(starts))
     waypoints = np.empty((len(REACHES), len(starts), stops, 3), dtype=np.int64)
     for auv, share in enumerate(shares):
@@ -59,7 +59,7 @@ def tours(
     return cells.reshape(num_slots, len(REACHES), len(starts), 3).swapaxes(0, 1)
 
 
-def shared_out(nodes: Points, starts: Points) -> list[Indices]:
+def assign_nodes(nodes: Points, starts: Points) -> list[Indices]:
     """Which nodes each AUV looks after: near one another, and as many as any other's.
 
     Balanced k-means: centres and nodes are matched at the least sum of squared

@@ -75,7 +75,7 @@ class Budget:
 
 
 #: What a planner spends unless told otherwise: a few seconds.
-USUAL = Budget(rounds=3)
+DEFAULT_BUDGET = Budget(rounds=3)
 
 
 class Planner:
@@ -101,7 +101,9 @@ class Planner:
         self._first = BeamSearch(simulator, *FIRST_SEARCH)
         self._wide = BeamSearch(simulator, *ROUND_SEARCH)
 
-    def plan(self, state: State, budget: Budget = USUAL, warm: Sequence[Policy] = ()) -> Plan:
+    def plan(
+        self, state: State, budget: Budget = DEFAULT_BUDGET, warm: Sequence[Policy] = ()
+    ) -> Plan:
         """The best episode found from a state of one environment on.
 
         Args:
@@ -140,7 +142,7 @@ class Planner:
 
     def _follow(self, state: State, routes: Integers) -> Integers:
         """The actions, (slots, auvs, entries), along the tour that comes out best."""
-        count, num_hastes = len(routes), len(self._simulator.hastes)
+        count, num_hastes = len(routes), len(self._simulator.urgency_exponents)
         state = rows(state, np.zeros(count * num_hastes, dtype=np.int64))
         cells = np.tile(routes, (num_hastes, 1, 1))
         # The same haste through the whole episode.

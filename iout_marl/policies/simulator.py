@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.policies.choice import choose
+from iout_marl.policies.choice import greedy_action
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import State, World
 
 Integers = npt.NDArray[np.int64]
 
 #: How TDD chooses between nodes after each move, see `choose`: all are tried.
-HASTES = (1.0, 4.0)
+URGENCY_EXPONENTS = (1.0, 4.0)
 
 
 class Plan(NamedTuple):
@@ -33,7 +33,7 @@ class Simulator:
 
     Attributes:
         world: its world, with one environment.
-        hastes: how nodes are chosen, see `choose`: one way in FDD, several in TDD.
+        urgency_exponents: how nodes are chosen, see `choose`: one way in FDD, several in TDD.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -41,7 +41,9 @@ class Simulator:
         unseen: dict[str, Any] = {"observation.view_range_m": None, "observation.entries": []}
         self._scenario = load_scenario(scenario, unseen)
         self.world = World(self._scenario, measured=())
-        self.hastes = HASTES if self.world.duplex.num_choices == 1 else HASTES[:1]
+        self.urgency_exponents = (
+            URGENCY_EXPONENTS if self.world.duplex.num_choices == 1 else URGENCY_EXPONENTS[:1]
+        )
         self._worlds: dict[int, World] = {1: self.world}
 
     def towards(self, cell: Integers, target: Integers) -> Integers:
@@ -52,9 +54,9 @@ class Simulator:
         return np.where(motion.stays_inside(cell), distance_m, np.inf).argmin(-1)
 
     def actions(self, state: State, direction: Integers) -> Integers:
-        """Whole actions after (envs, auvs) directions, (hastes, envs, auvs, entries)."""
+        """Whole actions after (envs, auvs) directions, (urgency_exponents, envs, auvs, entries)."""
         cell, _, _ = self.world.motion.move(state.cell, direction)
-        nodes = choose(self.world, state, cell, self.hastes)
+        nodes = greedy_action(self.world, state, cell, self.urgency_exponents)
         directions = np.broadcast_to(direction[..., None], (*nodes.shape[:-1], 1))
         return np.concatenate([directions, nodes], axis=-1)
 

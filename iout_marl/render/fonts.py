@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 
 #: Comes with matplotlib, so that it is there everywhere.
-USUAL = "DejaVu Sans"
+DEFAULT_FONT = "DejaVu Sans"
 #: Fonts whose letters are something else, or pictures that matplotlib cannot draw.
 _UNFIT = ("Last Resort", "cmb10", "cmex10", "cmmi10", "cmr10", "cmss10", "cmsy10", "cmtt10")
 _MISSING = "\N{REPLACEMENT CHARACTER}"
@@ -28,8 +28,8 @@ def fonts_for(text: str) -> tuple[tuple[str, ...], Mapping[int, str]]:
 
 @lru_cache(maxsize=64)
 def _fonts_for(text: str, known: int) -> tuple[tuple[str, ...], Mapping[int, str]]:
-    lacking = set(map(ord, text)) - _characters(USUAL)
-    families = [USUAL]
+    lacking = set(map(ord, text)) - _characters(DEFAULT_FONT)
+    families = [DEFAULT_FONT]
     for family in _families(known) if lacking else ():
         found = lacking & _characters(family)
         if found:
@@ -51,7 +51,7 @@ def _families(known: int) -> tuple[str, ...]:  # noqa: ARG001  (what is kept is 
     from matplotlib import font_manager
 
     names = {font.name for font in font_manager.fontManager.ttflist if font.style == "normal"}
-    fit = (n for n in names if n not in (USUAL, *_UNFIT) and not n.startswith(_UNFIT[0]))
+    fit = (n for n in names if n not in (DEFAULT_FONT, *_UNFIT) and not n.startswith(_UNFIT[0]))
     # A colour font has bitmaps, or outlines that say nothing without their colours.
     flat = (n for n in fit if "color" not in n.lower())
     return tuple(sorted(flat, key=lambda name: (not name.startswith("Noto Sans"), name)))

@@ -82,7 +82,7 @@ class _Frame:
         )
 
     def bars(self, figure: Figure) -> tuple[_Bars, _Bars]:
-        """Of ages, and of energies."""
+        """The bars of ages, and of energies."""
         energy_top = self.energy_top_j / self.energy_unit()[0]
         return (
             _Bars(figure, style.AGES, self.num_nodes, self.age_top),

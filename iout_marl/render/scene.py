@@ -92,7 +92,7 @@ class Scene:
         heard: Sequence[Sequence[int]],
         delivered: Sequence[Sequence[bool]],
     ) -> Scene:
-        """The slots of an episode, as `iout_marl.episode.Episode` records them."""
+        """The slots of an episode, as `iout_marl.trajectory.Trajectory` records them."""
         links = []
         for slot, (charges, hears, arrivals) in enumerate(
             zip(charged, heard, delivered, strict=True), start=1

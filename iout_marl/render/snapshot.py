@@ -14,7 +14,7 @@ Integers = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-#: Of what a picture can show: ratios of such figures are numbers, too.
+#: Limits of what a picture can show: ratios of such figures are numbers, too.
 LARGEST = 1e60
 
 
@@ -23,7 +23,7 @@ LARGEST = 1e60
 class Snapshot:
     """One environment between two slots, and what happened in the slot before.
 
-    The arrays are copies: a snapshot stays as it is while the world goes on. Cells are
+    The arrays are copies: a snapshot stays as it is while the world continues. Cells are
     counted from 1, AUVs and nodes from 0. What belongs to a slot is None before the first.
     """
 
@@ -70,7 +70,7 @@ class Snapshot:
             ages=np.array(state.age[env], dtype=np.float64),
             maximum_age=float(world.scenario.age.maximum),
             energies_j=np.array(state.energy_j[env], dtype=np.float64),
-            reference_energy_j=float(world.representation.price_j),
+            reference_energy_j=float(world.representation.reference_energy_j),
             mean_age=float(state.mean_age[env]),
             jain=float(state.jain[env]),
             total_harvested_j=float(state.harvested_j[env]),

@@ -32,7 +32,7 @@ COLOURS = (
 )
 #: From the first slot to the last: their order shows by hue, and no end fades into a page.
 SLOTS = ("#7257cf", "#2f7fc4", "#1c9c83", "#62a52a", "#a89f06")
-#: Of several AUVs: green, purple, olive, sky, violet; none is the colour of what passes.
+#: Colours of several AUVs: green, purple, olive, sky, violet; none is the colour of what passes.
 AUVS = ("#009e73", "#c773a1", "#8f8500", "#2b9bd6", "#7257cf")
 #: A node whose age is not shown.
 NODE = COLOURS[6]

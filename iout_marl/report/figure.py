@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from iout_marl.episode import Episode
 from iout_marl.render.scene import Scene
+from iout_marl.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -97,14 +97,14 @@ class Plot:
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class TrajectoryPlot:
     """The paths of the AUVs through the grid in one episode, and whom they charged and heard."""
 
     key: str
     title: str
     caption: str
     command: str
-    episode: Episode
+    episode: Trajectory
 
     def scene(self) -> Scene:
         """The episode as it is drawn."""
@@ -122,4 +122,4 @@ class Trajectory:
                 yield (slot, auv, *cell, charged, heard, int(delivered), *of_nodes)
 
 
-Figure: TypeAlias = Plot | Trajectory
+Figure: TypeAlias = Plot | TrajectoryPlot

@@ -45,7 +45,7 @@ class Spread:
 
     @classmethod
     def from_values(cls, values: Sequence[float]) -> Spread:
-        """Of one value or more."""
+        """The spread of one value or more."""
         return cls(float(np.median(values)), min(values), max(values))
 
     @property

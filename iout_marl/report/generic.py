@@ -84,7 +84,7 @@ def generic_report(results: Results) -> Report:
 
 def _families(series: list[str]) -> list[tuple[str, str, list[str]]]:
     """Series that share a figure: all, or, where these are too many to be told apart, those
-    whose names go on alike after their first comma, and so many of these as can be.
+    whose names continue alike after their first comma, and so many of these as can be.
 
     Returns:
         for each: what its key ends with, what its title ends with, and the series.
@@ -153,7 +153,7 @@ def cells_section(results: Results) -> Section:
         Table(
             key="cells",
             title="What was run",
-            caption="The hash changes with whatever changes a result.",
+            caption="Every setting that affects results is in the hash.",
             command=results.command,
             columns=(
                 "Series",

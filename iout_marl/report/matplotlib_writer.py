@@ -16,7 +16,7 @@ from iout_marl.render.panel import Panel
 from iout_marl.render.projection import FROM_ABOVE, FROM_THE_SIDE, Projection, hull
 from iout_marl.render.scene import Passed, Scene
 from iout_marl.render.settings import drawing
-from iout_marl.report.figure import Figure, Plot, Trajectory
+from iout_marl.report.figure import Figure, Plot, TrajectoryPlot
 from iout_marl.report.markup import plain_text
 from iout_marl.report.plot_layout import (
     LONGEST_NAME,
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _DPI = 160
 _WIDTH_IN = 7.4
-#: Of a trajectory's picture: the map from above, the view from the side, the colours of slots.
+#: The parts of a trajectory's picture: the map from above, the view from the side, the colours of slots.
 _MAP: style.Box = (44, 44, 360, 360)
 _SLOTS: style.Box = (416, 44, 8, 360)
 _PROFILE: style.Box = (500, 210, 224, 194)
@@ -77,7 +77,7 @@ def draw(figure: Figure) -> dict[str, bytes]:
 
 def _words(figure: Figure) -> str:
     """All that a user has named and that is drawn."""
-    if isinstance(figure, Trajectory):
+    if isinstance(figure, TrajectoryPlot):
         return ""
     titles = title_lines(figure.x.label) + title_lines(figure.y.label)
     names = (plain_text(figure.lines[i].name, LONGEST_NAME) for i in legend(figure))
@@ -210,7 +210,7 @@ def _set_axes(axes: Any, plot: Plot, replaced: Mapping[int, str]) -> None:
         axes.xaxis.set_minor_locator(NullLocator())
 
 
-def _draw_trajectory(trajectory: Trajectory) -> matplotlib.figure.Figure:
+def _draw_trajectory(trajectory: TrajectoryPlot) -> matplotlib.figure.Figure:
     """From above and from the side; below the latter, what is what."""
     from matplotlib.figure import Figure as Canvas
 

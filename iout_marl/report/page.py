@@ -12,7 +12,7 @@ import jinja2
 from markupsafe import Markup
 
 from iout_marl.report.document import Answers, Report, Table, Verdict
-from iout_marl.report.figure import Figure, Trajectory
+from iout_marl.report.figure import Figure, TrajectoryPlot
 from iout_marl.report.markup import html_cell, html_text, json_script, plain_text
 from iout_marl.report.matplotlib_writer import draw
 from iout_marl.report.measures import counted
@@ -58,7 +58,7 @@ def render_page(report: Report, pictures: Mapping[str, bytes] | None = None) -> 
     }
     environment.tests |= {
         "figure": lambda item: isinstance(item, Figure),
-        "trajectory": lambda item: isinstance(item, Trajectory),
+        "trajectory": lambda item: isinstance(item, TrajectoryPlot),
         "table": lambda item: isinstance(item, Table),
         "answers": lambda item: isinstance(item, Answers),
     }
@@ -113,7 +113,7 @@ def _slug(text: str) -> str:
 
 def _alternative(figure: Figure) -> str:
     """What those read who do not see the figure."""
-    if isinstance(figure, Trajectory):
+    if isinstance(figure, TrajectoryPlot):
         episode = figure.episode
         size, auvs = " × ".join(map(str, episode.grid)), counted(len(episode.path[0]), "AUV")
         return plain_text(
@@ -128,6 +128,6 @@ def _alternative(figure: Figure) -> str:
 
 
 def _legend_lines(figure: Figure) -> int:
-    if isinstance(figure, Trajectory):
+    if isinstance(figure, TrajectoryPlot):
         return 6 + len(figure.episode.path[0])
     return sum(len(name_lines(figure.lines[i].name)) for i in legend(figure))

@@ -28,7 +28,7 @@ MARKS = (
 )
 #: Strokes and gaps in px for the first eight lines, the next eight, ...; none is a whole line.
 DASHES = ((), (2, 3), (9, 3, 2, 3), (14, 4), (5, 2, 2, 2, 2, 2))
-#: Of lines that are drawn dashed for what they mean, whatever their colour.
+#: The dashes of lines that are drawn so for what they mean, whatever their colour.
 DASHED = (8, 4)
 #: Hatching: what matplotlib calls it, what Plotly does, and its size there in px. Bars of the
 #: first eight lines have one of the first three, those of the next eight of the next three, ...
@@ -39,7 +39,7 @@ HATCHES = (
 )
 #: Which of the three, by colour: those that look alike to the red-green blind differ.
 _HATCH_OF = (0, 0, 0, 1, 0, 0, 1, 2)
-#: Of bars that stand where lines would be dashed.
+#: The hatching of bars where lines would be dashed.
 HATCHED = ("///", "/", 8)
 
 

@@ -6,11 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import fields
 
-from iout_marl.episode import Episode
 from iout_marl.evaluation import Estimate
 from iout_marl.metrics import TABLED, curve_title, described
 from iout_marl.report.document import Table
-from iout_marl.report.figure import Axis, Line, Plot, Trajectory
+from iout_marl.report.figure import Axis, Line, Plot, TrajectoryPlot
 from iout_marl.report.intake import curves
 from iout_marl.report.measures import (
     bound_text,
@@ -21,6 +20,7 @@ from iout_marl.report.measures import (
 )
 from iout_marl.report.measures import metric as metric_text
 from iout_marl.study.results import Measured, Record, Results
+from iout_marl.trajectory import Trajectory
 
 #: From this factor between the largest value and the smallest on, an axis is logarithmic.
 LOG_FROM = 100
@@ -167,14 +167,16 @@ def at_place(results: Results, place: float) -> str:
     return f"{symbol} = {place_text(place)}"
 
 
-def trajectory_figure(results: Results, key: str, series: str, place: float) -> Trajectory | None:
+def trajectory_figure(
+    results: Results, key: str, series: str, place: float
+) -> TrajectoryPlot | None:
     """An episode of the first seed; None where nothing was trained."""
     found = ((r, e) for r in results.records(series, place) if (e := episode_of(r)))
     record, episode = next(found, (None, None))
     if record is None or episode is None:
         return None
     packets = sum(map(sum, episode.delivered))
-    return Trajectory(
+    return TrajectoryPlot(
         key=key,
         title=f"Path{'s' if record.auvs > 1 else ''} of {series} with "
         f"{counted(record.nodes, 'node')}",
@@ -189,11 +191,11 @@ def trajectory_figure(results: Results, key: str, series: str, place: float) -> 
     )
 
 
-def episode_of(record: Record) -> Episode | None:
+def episode_of(record: Record) -> Trajectory | None:
     """The episode of a record, which was checked when it was read; None where it has none."""
     if record.episode is None:
         return None
-    return Episode(**{field.name: record.episode[field.name] for field in fields(Episode)})
+    return Trajectory(**{field.name: record.episode[field.name] for field in fields(Trajectory)})
 
 
 def metrics_table(

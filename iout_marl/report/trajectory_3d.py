@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any, TypeAlias
 
-from iout_marl.episode import Episode
 from iout_marl.render import style
 from iout_marl.render.labels import auv_name
 from iout_marl.render.scene import Link, Passed, Scene
 from iout_marl.report import palette
-from iout_marl.report.figure import Trajectory
+from iout_marl.report.figure import TrajectoryPlot
+from iout_marl.trajectory import Trajectory
 
 Cell: TypeAlias = tuple[int, ...]
 
@@ -21,7 +21,7 @@ _SCALE = [[i / (len(style.SLOTS) - 1), shade] for i, shade in enumerate(style.SL
 _MARKS = {Passed.PACKET: ("circle", 8), Passed.LOSS: ("diamond-open", 11)}
 
 
-def draw_trajectory(trajectory: Trajectory) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+def draw_trajectory(trajectory: TrajectoryPlot) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Data and layout: the paths, coloured by slot or AUV, nodes, and what passed."""
     scene = trajectory.scene()
     auvs = range(scene.num_auvs)
@@ -34,7 +34,7 @@ def draw_trajectory(trajectory: Trajectory) -> tuple[list[dict[str, Any]], dict[
     return [trace for trace in data if trace["x"]], _layout(scene)
 
 
-def _visits(episode: Episode, auv: int) -> dict[Cell, str]:
+def _visits(episode: Trajectory, auv: int) -> dict[Cell, str]:
     """What pointing at a cell of a path shows: the visits to it."""
     path = [tuple(places[auv]) for places in episode.path]
     visits: dict[Cell, list[str]] = {path[0]: ["start"]}
@@ -123,7 +123,7 @@ def _links(scene: Scene, what: Passed, visits: Sequence[dict[Cell, str]]) -> dic
     return _trace(what.value, "lines+markers", cells, **look)
 
 
-def _nodes(episode: Episode) -> dict[str, Any]:
+def _nodes(episode: Trajectory) -> dict[str, Any]:
     charged = [node for slot in episode.charged for node in slot]
     heard = [node for slot in episode.heard for node in slot]
     arrived = [packet for slot in episode.delivered for packet in slot]

@@ -98,7 +98,7 @@ class Matrix(Section):
 
 
 class _FamilyFile(Section):
-    """Of a family's file what makes it one."""
+    """What makes a file that of a family."""
 
     matrix: Matrix
 

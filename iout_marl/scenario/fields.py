@@ -1,4 +1,4 @@
-"""Of what every section of a scenario is made: types of fields, strictness, errors.
+"""What every section of a scenario is made of: types of fields, strictness, errors.
 
 Numbers have two kinds of limits. Hard ones hold always: what lies beyond cannot be computed
 with. `Plausible` ranges are those of any sea and any hardware: what lies beyond is most often a

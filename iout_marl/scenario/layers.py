@@ -38,7 +38,7 @@ __all__ = [
 
 #: Lists, and the key beside each that says how many of its entries are meant.
 _COUNTED = {("nodes", "cells"): "count", ("auvs", "start_cells"): "count"}
-#: Of these the count may be larger than the list.
+#: Lists whose count may be larger than they are long.
 _CONTINUED = {("auvs", "start_cells")}
 #: Files up to this many characters are parsed once, as long as their contents stay the same.
 _MAX_KEPT = 20_000

@@ -1,4 +1,4 @@
-"""Of what studies and their results are made: texts that can be shown, numbers that add up."""
+"""What studies and their results are made of: texts that can be shown, numbers that add up."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ class Pool(Protocol):
     def run(self, cells: Sequence[Cell], carbon_g_per_kwh: float) -> Outcomes:
         """Run cells, the first ones first, and yield each as it ends.
 
-        A cell that fails yields its exception; the others go on. Where the generator is
+        A cell that fails yields its exception; the others continue. Where the generator is
         closed, cells that have not ended are given up.
         """
         ...
@@ -114,7 +114,7 @@ class LocalProcesses:
                         output = future.result()
                     except BrokenProcessPool:
                         suspects.append(cell)
-                    except Exception as error:  # whatever it is, the other cells go on
+                    except Exception as error:  # whatever it is, the other cells continue
                         yield cell, error
                     else:
                         yield cell, output

@@ -45,7 +45,7 @@ def _check_setting(value: Any) -> Any:
 
 _Setting: TypeAlias = Annotated[Any, AfterValidator(_check_setting)]
 _Place: TypeAlias = Annotated[list[Counted], Field(min_length=3, max_length=3)]
-#: Of each AUV, of each node.
+#: A list for each AUV, for each node.
 _OfEach: TypeAlias = Annotated[list[Whole], Field(min_length=1)]
 
 
@@ -91,7 +91,7 @@ class TrainingRecord(Saved):
 
 
 class _Episode(Saved):
-    """What `iout_marl.episode.Episode` holds, cell by cell and slot by slot."""
+    """What `iout_marl.trajectory.Trajectory` holds, cell by cell and slot by slot."""
 
     grid: _Place
     spacing_m: Positive
@@ -133,7 +133,7 @@ class Record(Saved):
     `samples` has every metric of every episode that was played, those of users after the
     built-in ones, of a bound the one that it bounds; a single episode stands for all where
     `deterministic`. `episode` is the first one in full, of policies that were trained (see
-    `iout_marl.episode.Episode`). `world_hash` is that of the world that was played: of one
+    `iout_marl.trajectory.Trajectory`). `world_hash` is that of the world that was played: of one
     layout, where one was drawn. `search` says how a bound was found and, after a semicolon, which
     parts from outside it takes at their word, or how long a plan was searched for.
     """
@@ -159,7 +159,7 @@ class Record(Saved):
     deterministic: bool = False
 
     @classmethod
-    def of(
+    def from_cell(
         cls,
         cell: Cell,
         samples: Mapping[str, Any],

@@ -89,7 +89,7 @@ class Measured:
     @property
     def estimate(self) -> Estimate:
         """Mean and 95 % interval (Student's t), which ends at the bounds."""
-        found = Estimate.of(self.samples)
+        found = Estimate.from_samples(self.samples)
         low, high = self.bounds
         if math.isnan(found.low):
             return found
@@ -130,7 +130,7 @@ class Results(Saved):
     failures: Annotated[tuple[Failure, ...], Field(max_length=MAX_CELLS, strict=False)] = ()
 
     @classmethod
-    def of(
+    def from_records(
         cls,
         name: str,
         study: Study,

@@ -77,7 +77,7 @@ class StudyFolder:
 
     @contextmanager
     def open(self, identity: Mapping[str, Any]) -> Iterator[None]:
-        """Make the folder, or go on in it; nobody else can while this one does.
+        """Make the folder, or continue in it; nobody else can while this one does.
 
         Args:
             identity: what tells the study from others: name, title, overrides, short form.
@@ -230,7 +230,7 @@ def run_study(
         for c in cells
         if (record := records[c.key]) is not None
     ]
-    results = Results.of(name, study, done, failures, command, quick=quick)
+    results = Results.from_records(name, study, done, failures, command, quick=quick)
     write_atomically(folder.results_path, results.to_json().encode())
     write_atomically(folder.path / "results.csv", results.to_csv().encode())
     return results

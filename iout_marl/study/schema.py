@@ -7,9 +7,10 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
-from iout_marl.bounds import USUAL_SECONDS
+from iout_marl import policies
+from iout_marl.bounds import DEFAULT_SECONDS
 from iout_marl.errors import InputError, did_you_mean
-from iout_marl.policies import UNTRAINED, PlannerPolicy
+from iout_marl.policies import PlannerPolicy
 from iout_marl.report.registry import report_named
 from iout_marl.scenario.fields import Count, Section, invalid
 from iout_marl.scenario.layers import Layer, read_file
@@ -23,7 +24,7 @@ TRAINED = "ppo"
 PLANNER = PlannerPolicy.name
 #: What stands where a policy does, and is the mean AoI that none can beat.
 BOUND = "bound"
-POLICIES = (*UNTRAINED, TRAINED, BOUND)
+POLICIES = (*policies.POLICIES, TRAINED, BOUND)
 
 Settings: TypeAlias = dict[str, Any]
 Seed: TypeAlias = Annotated[int, Field(ge=0, lt=2**63)]
@@ -90,7 +91,7 @@ class Group(Section):
     #: usual few.
     planner_rounds: Rounds | None = None
     #: How long a bound is searched for, about.
-    bound_seconds: Seconds = USUAL_SECONDS
+    bound_seconds: Seconds = DEFAULT_SECONDS
     #: Dotted keys over every scenario.
     settings: Settings = Field(default_factory=dict)
     #: Dotted keys over every scenario, by the name of the variant.

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from iout_marl.bounds import bound
-from iout_marl.episode import record_episode
 from iout_marl.errors import InputError
 from iout_marl.evaluation import evaluate
 from iout_marl.files import LOCK_NAME, to_json
@@ -20,11 +19,12 @@ from iout_marl.study.cells import Cell
 from iout_marl.study.emissions import measured
 from iout_marl.study.records import CURVES, Record, TrainingRecord, rounded
 from iout_marl.study.schema import BOUND
+from iout_marl.trajectory import record_episode
 from iout_marl.world import pin_layout
 
 #: At how many points of a training its log goes into the report, at most.
 CURVE_POINTS = 60
-#: Of a run's folder, what only serves an unfinished training.
+#: Files of a run's folder that only serve an unfinished training.
 LEFT_OUT = ("checkpoint.pt", LOCK_NAME)
 
 
@@ -53,7 +53,7 @@ def run_cell(cell: Cell, carbon_g_per_kwh: float) -> Output:
     policy = cell.policy if rounds is None else PlannerPolicy(Budget(rounds=rounds))
     search = "" if rounds is None else f"{rounds} rounds"
     played = evaluate(scenario, policy, cell.episodes, cell.seed)
-    record = Record.of(
+    record = Record.from_cell(
         cell, played.samples, _today(), search=search, deterministic=played.deterministic
     )
     return Output(record, {})
@@ -64,7 +64,7 @@ def _bound(cell: Cell, scenario: Scenario) -> Output:
     found = bound(scenario, seconds=cell.bound_seconds)
     how = f"{found.certificate.kind}, {cell.bound_seconds:g} s"
     search = "; ".join(filter(None, [how, found.stated_by]))
-    record = Record.of(cell, {"mean_aoi": [found.best]}, _today(), search=search)
+    record = Record.from_cell(cell, {"mean_aoi": [found.best]}, _today(), search=search)
     return Output(record, {"bound.json": (to_json(found.to_json(), indent=2) + "\n").encode()})
 
 
@@ -102,7 +102,7 @@ def _train(cell: Cell, carbon_g_per_kwh: float) -> Output:
             emissions=emissions,
         )
         episode = record_episode(outcome.trainer.scenario, outcome.run.load_policy()).to_json()
-        record = Record.of(
+        record = Record.from_cell(
             cell,
             outcome.evaluation.samples,
             _today(),

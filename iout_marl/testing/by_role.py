@@ -10,7 +10,7 @@ import numpy as np
 
 from iout_marl.bounds.check_game import finite_game, is_covered
 from iout_marl.bounds.energy import FINE
-from iout_marl.bounds.field import Field
+from iout_marl.bounds.finite_game import FiniteGame
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import unheard
 from iout_marl.parts import Absorption, Channel, Placement
@@ -88,7 +88,7 @@ def check_tables(_: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
     """
     if not is_covered(scenario):
         return
-    field = Field.of(scenario, FINE)
+    field = FiniteGame.from_scenario(scenario, FINE)
     game = finite_game(scenario, tuple(field.levels_j[:-1].tolist()))
     for number, table in enumerate(table for table in field.tables if table is not None):
         checked = [tables[number] for tables in game.tables]
@@ -107,7 +107,7 @@ def check_tables(_: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
             assert not richer.any(), f"{where}a node is richer than search_tables have it"
 
 
-def _follow(field: Field, levels: Any, cell: int, events: Any) -> None:
+def _follow(field: FiniteGame, levels: Any, cell: int, events: Any) -> None:
     """Move the levels of the nodes named as the tables say."""
     charge, deliver, both = field.tables
     charged, heard = int(events.charged[0, 0]), int(events.heard[0, 0])

@@ -244,7 +244,7 @@ def _spoil(value: Any) -> None:
 
 
 def check_copies_continue(make: EnvFactory, seed: int) -> None:
-    """A deep copy and a pickle, taken in mid-episode, go on as the original does."""
+    """A deep copy and a pickle, taken in mid-episode, continue as the original does."""
     env, rng = make(), np.random.default_rng(seed)
     env.reset(seed=seed)
     for _ in zip(range(3), _slots(env, rng), strict=False):
@@ -253,7 +253,7 @@ def check_copies_continue(make: EnvFactory, seed: int) -> None:
         copies = {"deep copy": copy.deepcopy(env), "pickle": pickle.loads(pickle.dumps(env))}
     original = play_on(env, seed + 1)
     for what, twin in copies.items():
-        message = f"a {what} goes on differently"
+        message = f"a {what} continues differently"
         with _blamed(message):
             assert_equal(original, play_on(twin, seed + 1), message)
 

@@ -23,7 +23,7 @@ OF_AUVS = {
 }
 OF_NODES = {
     *("node_cell", "age", "energy_j", "deliveries", "seen_age", "seen_energy_j", "seen_slot"),
-    *("others_age", "others_deliveries", "payable_j", "entry of nodes"),
+    *("others_age", "others_deliveries", "available_j", "entry of nodes"),
 }
 CHOSEN_NODES = {"charged", "heard"}
 

@@ -16,7 +16,7 @@ SHORT = {
     "training.hidden_units": [8],
 }
 ITERATIONS = 3
-#: Of float32, in sums of another order.
+#: Rounding of float32, in sums of another order.
 ROUNDING = 1e-3
 
 

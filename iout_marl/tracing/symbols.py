@@ -168,7 +168,7 @@ class SymbolArray:
         return _sum(self * other, -1)
 
     def __rmatmul__(self, other: Any) -> SymbolArray:
-        """Of a matrix with this one, or with each of several."""
+        """The product of a matrix with this one, or with each of several."""
         return _sum(self[..., None, :, :] * other[..., None], -2)
 
     def __pow__(self, power: int) -> SymbolArray:

@@ -7,7 +7,7 @@ import itertools
 from iout_marl.core.ranges import Ranges
 from iout_marl.core.state import State
 from iout_marl.parts import Context, Entry, at_work
-from iout_marl.physics.arrays import Array, turned
+from iout_marl.physics.arrays import Array, reverse_axes
 from iout_marl.scenario import Scenario
 
 __all__ = ["Observer", "Ranges"]
@@ -54,7 +54,7 @@ class Observer:
                 represent.energy_ranges(),
                 represent.count_ranges(),
                 *[cell] * scenario.num_nodes,
-                Ranges.alike(1, 0, 1, 1),
+                Ranges.uniform(1, 0, 1, 1),
             ]
         )
 
@@ -65,7 +65,7 @@ class Observer:
         if self._is_from_outside:
             parts = [self._of_all_auvs(part) for part in parts]
         # Each entry of all environments in a row, as they come.
-        return turned(xp, xp.concat([turned(xp, part) for part in parts], axis=0))
+        return reverse_axes(xp, xp.concat([reverse_axes(xp, part) for part in parts], axis=0))
 
     def _of_all_auvs(self, values: Array) -> Array:
         if values.shape[1] == self._num_auvs:
@@ -118,7 +118,7 @@ class Observer:
 
 
 def _ranges(entry: Entry) -> Ranges:
-    """Of an entry; of one from outside, after a look at them."""
+    """The ranges of an entry; those of one from outside after a look at them."""
     registered = entry.settings.entry
     with registered.blamed():
         return entry.checked_ranges() if registered.is_outside else entry.ranges()

@@ -216,13 +216,15 @@ def _look_at_access(watch: _Watch, _: Any) -> None:
         by_node = xp.sum(xp.where(same, spent_j[:, None, :], zero), axis=2)
         room = 1 + watch.rounding
         watch.need(spent_j >= 0, "spent_j must not be negative")
-        watch.need(by_node <= request.payable_j * room, "a node must not spend more than payable_j")
+        watch.need(
+            by_node <= request.available_j * room, "a node must not spend more than available_j"
+        )
 
     world.access = _Watched(world.access, watch.over(world.access, look))
 
 
 def _look_at_split(watch: _Watch, _: Any) -> None:
-    """Of a duplex part, and of a rule for β, which splits the slot for it."""
+    """Look at a duplex part, and at a rule for β, which splits the slot for it."""
     world, duplex, xp = watch.world, watch.world.duplex, watch.world.backend.xp
     splits, slot_s = duplex.splits_slot, world.link.slot_s
 

@@ -99,7 +99,7 @@ class World:
         self.num_slots = scenario.num_slots
         self.measured = registered() if measured is None else tuple(measured)
         self.summed = tuple(metric for metric in self.measured if metric.computed_from == "slot")
-        self.backend = backend = Backend.of(library, dtype, device)
+        self.backend = backend = Backend.from_library(library, dtype, device)
         self.grid = Grid(scenario.grid.cells)
         self.link = Link(scenario, self.grid, backend)
         self.motion = Mover(
@@ -215,38 +215,40 @@ class World:
 
         cell, left_grid, blocked = self.motion.move(state.cell, action[..., 0])
 
-        heard_place = nodes.place(heard)
-        heard_cell = nodes.chosen(state.node_cell, heard_place)
+        heard_index = nodes.flat_index(heard)
+        heard_cell = nodes.gather(state.node_cell, heard_index)
         heard_offset = link.offset(cell, heard_cell)
         if self.duplex.num_choices == 1:
-            charged_offset, charged_place = heard_offset, heard_place
+            charged_offset, charged_index = heard_offset, heard_index
         else:
-            charged_place = nodes.place(charged)
-            charged_offset = link.offset(cell, nodes.chosen(state.node_cell, charged_place))
+            charged_index = nodes.flat_index(charged)
+            charged_offset = link.offset(cell, nodes.gather(state.node_cell, charged_index))
 
-        stored_j = nodes.chosen(state.energy_j, heard_place)
+        stored_j = nodes.gather(state.energy_j, heard_index)
         split = self.duplex.split(charged_offset, heard_offset, stored_j)
         # Eq. `E harvested`; a node charged by two AUVs gets both.
         harvested_j = link.at(link.harvested_w, charged_offset) * split.charging_s
-        payable_j = nodes.plus(state.energy_j, charged_place, harvested_j)
+        available_j = nodes.scatter_add(state.energy_j, charged_index, harvested_j)
 
-        heard_payable_j = nodes.chosen(payable_j, heard_place)
-        sends = self.duplex.sends(split, heard_payable_j)
-        request = Request(cell, heard, heard_cell, sends, heard_payable_j, heard_offset)
+        heard_available_j = nodes.gather(available_j, heard_index)
+        sends = self.duplex.sends(split, heard_available_j)
+        request = Request(cell, heard, heard_cell, sends, heard_available_j, heard_offset)
         delivered, spent_j = self.access(request, split)
         # At the root of the energy balance rounding may ask for more than there is.
-        taken_j = xp.minimum(spent_j, heard_payable_j)
-        energy_j = nodes.plus(payable_j, heard_place, -taken_j)
+        taken_j = xp.minimum(spent_j, heard_available_j)
+        energy_j = nodes.scatter_add(available_j, heard_index, -taken_j)
 
         # A node delivers to one AUV at most.
         packets = cast(xp, delivered, state.age.dtype)
-        overcome = -packets * nodes.chosen(state.age, heard_place)
-        age, uncut = advance(xp, nodes.plus(state.age, heard_place, overcome), self._maximum_age)
+        age_reset = -packets * nodes.gather(state.age, heard_index)
+        age, uncut = advance(
+            xp, nodes.scatter_add(state.age, heard_index, age_reset), self._maximum_age
+        )
         # Whole numbers, whose sums are exact.
         total_age = nodes.sum(age)
-        cut_short = nodes.sum(uncut) - total_age
+        clipped_age = nodes.sum(uncut) - total_age
         mean_age = total_age / nodes.num_nodes
-        deliveries = nodes.plus(state.deliveries, heard_place, packets)
+        deliveries = nodes.scatter_add(state.deliveries, heard_index, packets)
 
         new_state = State(
             slot=state.slot + self._one_slot,
@@ -259,12 +261,12 @@ class World:
             jain=jain_index(xp, nodes.sum(deliveries), nodes.sum(deliveries**2), nodes.num_nodes),
             age_sum=state.age_sum + mean_age,
             peak_age=xp.maximum(state.peak_age, nodes.max(age)),
-            capped_ages=state.capped_ages + cut_short,
+            capped_ages=state.capped_ages + clipped_age,
             harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
             spent_j=state.spent_j + _over_auvs(xp, spent_j),
             sums=state.sums,
-            **self.view.after(state, cell, age, energy_j, heard_place, delivered),
-            **self.credit.after(state, heard_place, delivered),
+            **self.view.after(state, cell, age, energy_j, heard_index, delivered),
+            **self.credit.after(state, heard_index, delivered),
         )
         events = Events(
             left_grid=left_grid,
@@ -273,7 +275,7 @@ class World:
             heard=heard,
             beta=split.beta,
             harvested_j=harvested_j,
-            payable_j=payable_j,
+            available_j=available_j,
             delivered=delivered,
             spent_j=spent_j,
         )
@@ -321,7 +323,7 @@ class World:
         for term in others:
             total = total + term
         if total.shape[1] != self.num_auvs:  # all terms are for all AUVs alike
-            total = self.nodes.alike(total[:, 0])
+            total = self.nodes.broadcast_to_auvs(total[:, 0])
         return total
 
     def observe(self, state: State) -> Array:

@@ -7,14 +7,14 @@ import pytest
 from small_worlds import least_age_sum, small_world
 
 from iout_marl import evaluate
-from iout_marl.bounds import Certificate, ascent, bound, sharing, verified_age_sum
+from iout_marl.bounds import Certificate, ascent, bound, lagrangian, verified_age_sum
 from iout_marl.bounds.ascent import climb
 from iout_marl.bounds.check_game import finite_game
 from iout_marl.bounds.energy import COARSE, FINE
-from iout_marl.bounds.field import Field
+from iout_marl.bounds.finite_game import FiniteGame
+from iout_marl.bounds.lagrangian import Programme, oldest_age
+from iout_marl.bounds.lagrangian_check import proven_age_sum
 from iout_marl.bounds.prices import Prices
-from iout_marl.bounds.sharing import Programme, oldest_age
-from iout_marl.bounds.sharing_check import proven_age_sum
 from iout_marl.errors import InputError
 
 CASES = [
@@ -82,7 +82,7 @@ def test_the_opening_bound_is_the_optimum_where_energies_hardly_need_rounding(op
 @pytest.mark.parametrize("case", CASES)
 def test_no_check_lets_a_claim_above_the_optimum_pass(case, seed, optimum):
     scenario = world(case, seed)
-    levels_j = tuple(Field.of(scenario, COARSE).levels_j[:-1].tolist())
+    levels_j = tuple(FiniteGame.from_scenario(scenario, COARSE).levels_j[:-1].tolist())
     too_much = optimum(case, seed) + 1
     for certificate in (
         Certificate(scenario.world_hash, too_much),
@@ -96,7 +96,7 @@ def test_no_check_lets_a_claim_above_the_optimum_pass(case, seed, optimum):
 @pytest.mark.parametrize("case", [case for case in CASES if case[0] == "tdd"])
 def test_the_sharing_bound_stays_below_it_at_any_prices(case, seed, optimum, monkeypatch):
     scenario, least = world(case, seed), optimum(case, seed)
-    field = Field.of(scenario, FINE)
+    field = FiniteGame.from_scenario(scenario, FINE)
     levels_j = tuple(field.levels_j[:-1].tolist())
     game = finite_game(scenario, levels_j)
     assert climb(field, 0) is None
@@ -130,12 +130,12 @@ def test_the_sharing_bound_stays_below_it_at_any_prices(case, seed, optimum, mon
 
 
 def test_blocks_of_cells_change_nothing(monkeypatch):
-    field = Field.of(world(CASES[3], 1), FINE)
+    field = FiniteGame.from_scenario(world(CASES[3], 1), FINE)
     rng = np.random.default_rng(0)
     slots = field.scenario.num_slots
     naming, presence = rng.random(slots), rng.normal(size=(slots, len(field.next_cells)))
     whole = Programme(field, oldest=6).wish(0, naming, presence)
-    monkeypatch.setattr(sharing, "BLOCK_ENTRIES", 5 * field.num_levels * 7)
+    monkeypatch.setattr(lagrangian, "BLOCK_ENTRIES", 5 * field.num_levels * 7)
     parts = Programme(field, oldest=6).wish(0, naming, presence)
     assert whole.value == parts.value
     np.testing.assert_array_equal(whole.path, parts.path)
@@ -158,4 +158,6 @@ def test_a_certificate_of_another_world_or_none_at_all_is_refused():
     with pytest.raises(InputError, match="is of world"):
         verified_age_sum(second, certificate)
     with pytest.raises(InputError, match="levels_j: is missing"):
-        Certificate.from_json({"kind": "opening", "world_hash": first.world_hash, "age_sum": 1})
+        Certificate.from_json(
+            {"kind": "branch-and-bound", "world_hash": first.world_hash, "age_sum": 1}
+        )

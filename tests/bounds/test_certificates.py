@@ -11,20 +11,20 @@ from small_worlds import least_age_sum, small_world
 from iout_marl import load_scenario
 from iout_marl.bounds import (
     Certificate,
+    branch_and_bound_check,
     certificate,
     check_game,
-    opening_check,
+    lagrangian_check,
     scheduling,
-    sharing_check,
     verified_age_sum,
 )
-from iout_marl.bounds.field import Field
+from iout_marl.bounds.finite_game import FiniteGame
 from iout_marl.errors import InputError
 from iout_marl.files import parse_json, to_json
 from iout_marl.world import pin_layout
 
 FIXTURES = Path(__file__).parent / "fixtures"
-KINDS = ("scheduling", "opening", "sharing")
+KINDS = ("scheduling", "branch-and-bound", "lagrangian")
 DEEP = json.loads("[" * 900 + "]" * 900)
 
 
@@ -57,6 +57,14 @@ def test_certificates_written_before_are_read_and_hold(kind):
             verified_age_sum(scenario, Certificate(read.world_hash, read.age_sum))
 
 
+@pytest.mark.parametrize(
+    ("before", "now"), [("opening", "branch-and-bound"), ("sharing", "lagrangian")]
+)
+def test_kinds_of_the_version_before_are_read_by_their_new_names(before, now):
+    _, record = fixture(now)
+    assert Certificate.from_json({**record, "kind": before}).kind == now
+
+
 NO_NUMBERS = [float("nan"), float("inf"), None, "7", True, [1], {}, DEEP, np.bool_(True)]
 NOT_WHOLE = [*NO_NUMBERS, -1, 2.5, 66.0, 10**400, -(10**400), 10**5000, np.float64(3)]
 
@@ -64,7 +72,7 @@ NOT_WHOLE = [*NO_NUMBERS, -1, 2.5, 66.0, 10**400, -(10**400), 10**5000, np.float
 @pytest.mark.parametrize("value", NOT_WHOLE, ids=lambda value: str(type(value)))
 @pytest.mark.parametrize("name", ["age_sum", "oldest"])
 def test_what_is_no_whole_number_in_range_is_refused_by_name(name, value):
-    scenario, record = fixture("sharing")
+    scenario, record = fixture("lagrangian")
     assert name in refusal(Certificate.from_json, record | {name: value})
     by_hand = replace(Certificate.from_json(record), **{name: value})
     assert name in refusal(verified_age_sum, scenario, by_hand)
@@ -73,7 +81,7 @@ def test_what_is_no_whole_number_in_range_is_refused_by_name(name, value):
 @pytest.mark.parametrize("value", [*NO_NUMBERS, 1e301, -1e-9, 10**400, np.float32(-1)], ids=str)
 @pytest.mark.parametrize("name", ["levels_j", "naming", "reach_m", "presence"])
 def test_what_is_no_number_in_range_is_refused_by_name(name, value):
-    scenario, record = fixture("sharing")
+    scenario, record = fixture("lagrangian")
     if name == "presence" and not isinstance(value, (list, dict, str)) and value is not None:
         value = -1e300
     changed = json.loads(json.dumps(record))
@@ -99,7 +107,7 @@ MALFORMED = [
     (["levels_j"], [0, 2, 1], "levels_j[2]: must be more than the one before, 2.0, not 1.0"),
     (["levels_j"], [0, 0], "levels_j[1]: must be more than the one before"),
     (["levels_j"], "0", "levels_j: must be a list of length 1 to 1,024, not '0'"),
-    (["levels_j"], None, "levels_j: is missing, which sharing needs"),
+    (["levels_j"], None, "levels_j: is missing, which lagrangian needs"),
     (["slots"], [0, 19.0], "slots[1]: must be a whole number"),
     (["slots"], [], "slots: must be a list"),
     (["slots", 0], 1, "slots[0]: must be 0, not 1"),
@@ -117,18 +125,22 @@ MALFORMED = [
     (["world_hash"], "0" * 12, "is of world 000000000000, not of"),
     (["world_hash"], "..", "world_hash: must be 12 hexadecimal digits, not '..'"),
     (["world_hash"], 12, "world_hash: must be 12 hexadecimal digits, not 12"),
-    (["kind"], "shearing", "kind: must be one of scheduling, opening, sharing, not 'shearing'"),
-    (["kind"], ["sharing"], "kind: must be one of"),
-    (["kind"], "opening", "'oldest': is no field of opening"),
-    (["levles_j"], [0], "'levles_j': is no field of sharing; did you mean 'levels_j'?"),
-    (["two\nlines" * 9], 0, "is no field of sharing"),
-    ([3], 0, "3: is no field of sharing"),
+    (
+        ["kind"],
+        "shearing",
+        "kind: must be one of scheduling, branch-and-bound, lagrangian, not 'shearing'",
+    ),
+    (["kind"], ["lagrangian"], "kind: must be one of"),
+    (["kind"], "branch-and-bound", "'oldest': is no field of branch-and-bound"),
+    (["levles_j"], [0], "'levles_j': is no field of lagrangian; did you mean 'levels_j'?"),
+    (["two\nlines" * 9], 0, "is no field of lagrangian"),
+    ([3], 0, "3: is no field of lagrangian"),
 ]
 
 
 @pytest.mark.parametrize(("path", "value", "line"), MALFORMED, ids=lambda each: str(each)[:40])
 def test_malformed_fields(path, value, line):
-    scenario, record = fixture("sharing")
+    scenario, record = fixture("lagrangian")
     *way, last = path
     place = record
     for step in way:
@@ -148,11 +160,13 @@ def test_every_field_is_needed(kind):
 @pytest.mark.parametrize("nothing", [None, [], "x", 3, DEEP, float("nan")], ids=repr)
 def test_what_is_no_certificate_at_all(nothing):
     assert "must be a mapping" in refusal(Certificate.from_json, nothing)
-    assert "must be a Certificate" in refusal(verified_age_sum, fixture("opening")[0], nothing)
+    assert "must be a Certificate" in refusal(
+        verified_age_sum, fixture("branch-and-bound")[0], nothing
+    )
 
 
 def test_parts_of_a_certificate_that_do_not_belong_together():
-    scenario, record = fixture("sharing")
+    scenario, record = fixture("lagrangian")
     read = Certificate.from_json(record)
     for changes, line in (
         ({"prices": None}, "oldest: is there where prices are"),
@@ -175,15 +189,19 @@ def test_energy_and_travel_prove_nothing_where_nodes_may_lie_elsewhere():
     settings = {"grid.cells": [3, 3, 1], "episode.duration_s": 100, "nodes": nodes}
     scenario = load_scenario("paper/k3-fdd", {**settings, "auvs.start_cells": [[1, 1, 1]]})
     layout = pin_layout(scenario, 0)
-    levels_j = tuple(Field.of(layout).levels_j[:-1].tolist())
+    levels_j = tuple(FiniteGame.from_scenario(layout).levels_j[:-1].tolist())
     claim = Certificate(scenario.world_hash, 100, levels_j)
     assert "fixed nodes only" in refusal(verified_age_sum, scenario, claim)
 
 
-def test_a_sharing_certificate_is_for_tdd_and_for_as_many_nodes():
-    _, record = fixture("sharing")
+def test_a_lagrangian_certificate_is_for_tdd_and_for_as_many_nodes():
+    _, record = fixture("lagrangian")
     for name, changes, line in (
-        ("best/k3-fdd", {}, "kind: the sharing bound is for scenarios where an AUV names one node"),
+        (
+            "best/k3-fdd",
+            {},
+            "kind: the Lagrangian bound is for scenarios where an AUV names one node",
+        ),
         ("best/k5-tdd", {"episode.duration_s": 500}, "presence: is for 3 nodes, but there are 5"),
     ):
         scenario = load_scenario(name, changes)
@@ -192,9 +210,9 @@ def test_a_sharing_certificate_is_for_tdd_and_for_as_many_nodes():
 
 
 def test_ages_that_cannot_be_added_up(monkeypatch):
-    scenario, record = fixture("opening")
+    scenario, record = fixture("branch-and-bound")
     read = Certificate.from_json(record)
-    monkeypatch.setattr(opening_check, "MOST_COUNTED", 899)
+    monkeypatch.setattr(branch_and_bound_check, "MOST_COUNTED", 899)
     assert "32 bits" in refusal(verified_age_sum, scenario, read)
     for limited in (certificate, scheduling):
         monkeypatch.setattr(limited, "MOST_AGE_SUM", 899)
@@ -205,7 +223,7 @@ def test_ages_that_cannot_be_added_up(monkeypatch):
 
 @pytest.mark.parametrize("weight", [0.0, 2.0**40])
 def test_prices_so_high_that_64_bits_cannot_add_them_up(weight):
-    scenario, record = fixture("sharing")
+    scenario, record = fixture("lagrangian")
     record["age_sum"] += 1
     record["naming"][1] = 2.0**38
     record["presence"][0][1][1] = weight
@@ -216,13 +234,13 @@ def test_prices_so_high_that_64_bits_cannot_add_them_up(weight):
 @pytest.mark.parametrize(
     ("kind", "module", "limit"),
     [
-        ("opening", check_game, "MOST_ENTRIES"),
-        ("opening", check_game, "MOST_OUTCOMES"),
-        ("opening", opening_check, "MOST_AT_ONCE"),
-        ("opening", opening_check, "MOST_IN_ALL"),
-        ("sharing", sharing_check, "MOST_KEPT"),
-        ("sharing", sharing_check, "MOST_PAYMENTS"),
-        ("sharing", sharing_check, "MOST_STEPS"),
+        ("branch-and-bound", check_game, "MOST_ENTRIES"),
+        ("branch-and-bound", check_game, "MOST_OUTCOMES"),
+        ("branch-and-bound", branch_and_bound_check, "MOST_AT_ONCE"),
+        ("branch-and-bound", branch_and_bound_check, "MOST_IN_ALL"),
+        ("lagrangian", lagrangian_check, "MOST_KEPT"),
+        ("lagrangian", lagrangian_check, "MOST_PAYMENTS"),
+        ("lagrangian", lagrangian_check, "MOST_STEPS"),
     ],
 )
 def test_no_check_is_kept_busy_without_limit(kind, module, limit, monkeypatch):
@@ -233,7 +251,7 @@ def test_no_check_is_kept_busy_without_limit(kind, module, limit, monkeypatch):
 
 
 def test_how_much_there_is_to_read_is_limited_too(monkeypatch):
-    _, record = fixture("sharing")
+    _, record = fixture("lagrangian")
     for limit, line in (("MOST_TIMES", "slots: must be"), ("MOST_WEIGHTS", "presence: must be")):
         with monkeypatch.context() as patch:
             patch.setattr(certificate, limit, 2)

@@ -6,7 +6,7 @@ from small_worlds import small_world
 
 from iout_marl.bounds.check_game import finite_game
 from iout_marl.bounds.energy import COARSE, FINE
-from iout_marl.bounds.field import Field
+from iout_marl.bounds.finite_game import FiniteGame
 from iout_marl.world import World, node_codes
 
 RULES = [("fdd", "paper"), ("tdd", "paper"), ("tdd", "stored")]
@@ -17,7 +17,7 @@ RULES = [("fdd", "paper"), ("tdd", "paper"), ("tdd", "stored")]
 @pytest.mark.parametrize(("duplex", "rule"), RULES)
 def test_search_and_check_agree(duplex, rule, ladder, seed):
     scenario = small_world(np.random.default_rng(seed), duplex, "hover", 3, 6, rule)
-    field = Field.of(scenario, ladder)
+    field = FiniteGame.from_scenario(scenario, ladder)
     game = finite_game(scenario, tuple(field.levels_j[:-1].tolist()))
     assert game.start == field.start
     np.testing.assert_array_equal(game.neighbours, field.next_cells)
@@ -32,7 +32,7 @@ def test_search_and_check_agree(duplex, rule, ladder, seed):
 def test_the_world_is_never_richer_than_its_levels(duplex, rule, seed):
     rng = np.random.default_rng(seed)
     scenario = small_world(rng, duplex, "six", 3, 40, rule)
-    field = Field.of(scenario, FINE)
+    field = FiniteGame.from_scenario(scenario, FINE)
     charge, deliver, both = field.tables
     cell_of = World(scenario).grid.encode(World(scenario).grid.all_coordinates()).tolist()
     world = World(scenario)

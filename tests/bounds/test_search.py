@@ -7,12 +7,12 @@ import pytest
 from small_worlds import least_age_sum, small_world
 
 from iout_marl import bounds
-from iout_marl.bounds import bound, gap_percent, opening, percent_text, verified_age_sum
+from iout_marl.bounds import bound, branch_and_bound, gap_percent, percent_text, verified_age_sum
 from iout_marl.bounds.bound import ROUNDING_PERCENT
+from iout_marl.bounds.branch_and_bound import first_layer, next_layer, search
 from iout_marl.bounds.deadline import OutOfTime
-from iout_marl.bounds.energy import COARSE, FINE, ROUGH, ladder_j
-from iout_marl.bounds.field import Field
-from iout_marl.bounds.opening import first_layer, next_layer, search
+from iout_marl.bounds.energy import COARSE, FINE, ROUGH, energy_levels_j
+from iout_marl.bounds.finite_game import FiniteGame
 from iout_marl.bounds.scheduling import least_remaining_ages
 from iout_marl.errors import InputError
 
@@ -27,8 +27,10 @@ def test_a_search_that_is_cut_off_anywhere_has_a_bound_all_the_same(looks, monke
         if next(left, None) is None:
             raise OutOfTime
 
-    monkeypatch.setattr(opening, "check_time", check_time)
-    found = search(Field.of(scenario), bounds.least_age_sum(scenario), 600, math.inf)
+    monkeypatch.setattr(branch_and_bound, "check_time", check_time)
+    found = search(
+        FiniteGame.from_scenario(scenario), bounds.least_age_sum(scenario), 600, math.inf
+    )
     assert bounds.least_age_sum(scenario) <= found <= least_age_sum(scenario)
     assert looks < 10_000 or found == least_age_sum(scenario)
 
@@ -36,7 +38,7 @@ def test_a_search_that_is_cut_off_anywhere_has_a_bound_all_the_same(looks, monke
 def test_no_time_is_no_search():
     scenario = small_world(np.random.default_rng(13), "tdd", "six", 2, 4)
     assert bound(scenario, seconds=0).energy_and_travel == bound(scenario, seconds=0).scheduling
-    field = Field.of(scenario)
+    field = FiniteGame.from_scenario(scenario)
     with pytest.raises(OutOfTime):
         next_layer(field, first_layer(field), 0, 600, deadline=-math.inf)
 
@@ -65,7 +67,7 @@ def test_a_claim_that_the_check_does_not_confirm_is_not_made(monkeypatch):
 @pytest.mark.parametrize("ladder", [COARSE, FINE, ROUGH])
 @pytest.mark.parametrize("harvest_j", [0.0, 5e-324, 1e-320, 1e-12, 1.0, 1e290])
 def test_ladders_rise_however_little_is_harvested(ladder, harvest_j):
-    levels_j = ladder_j(ladder, harvest_j)
+    levels_j = energy_levels_j(ladder, harvest_j)
     assert levels_j[0] == 0
     assert (np.diff(levels_j) > 0).all()
 
@@ -77,7 +79,7 @@ def test_search_and_check_agree_however_little_is_harvested(duplex, efficiency):
     scenario = small_world(np.random.default_rng(2), duplex, "hover", 2, 5)
     changed = scenario.harvester.model_copy(update={"efficiency": efficiency})
     scenario = scenario.model_copy(update={"harvester": changed})
-    field = Field.of(scenario)
+    field = FiniteGame.from_scenario(scenario)
     highest = scenario.num_nodes * scenario.num_slots * scenario.age.maximum
     claim = search(field, bounds.least_age_sum(scenario), highest, math.inf)
     assert claim <= least_age_sum(scenario)

@@ -21,9 +21,9 @@ from campaigns.campaign import Campaign, Tally
 from iout_marl import load_scenario
 from iout_marl.bounds import Certificate, scheduling, verified_age_sum
 from iout_marl.bounds.ascent import climb
+from iout_marl.bounds.branch_and_bound import search
 from iout_marl.bounds.energy import COARSE, ROUGH
-from iout_marl.bounds.field import Field
-from iout_marl.bounds.opening import search
+from iout_marl.bounds.finite_game import FiniteGame
 from iout_marl.bounds.prices import Prices
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario
@@ -95,11 +95,11 @@ def _anywhere() -> Target:
 
 
 def _certificates(scenario: Scenario) -> list[dict[str, Any]]:
-    """A certificate of each kind that holds, and of the sharing bound two."""
+    """A certificate of each kind that holds, and of the Lagrangian bound two."""
     world_hash, scheduled = scenario.world_hash, scheduling.least_age_sum(scenario)
     found = [Certificate(world_hash, scheduled)]
     if scenario.num_auvs == 1:
-        games = [Field.of(scenario, ladder) for ladder in (COARSE, ROUGH)]
+        games = [FiniteGame.from_scenario(scenario, ladder) for ladder in (COARSE, ROUGH)]
         ladders = [tuple(game.levels_j[:-1].tolist()) for game in games]
         highest = scenario.num_nodes * scenario.num_slots * scenario.age.maximum
         opened = search(games[0], scheduled, highest, np.inf)

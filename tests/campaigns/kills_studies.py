@@ -1,4 +1,4 @@
-"""Studies whose processes are killed or stopped at any moment: the same command goes on.
+"""Studies whose processes are killed or stopped at any moment: the same command continues.
 
 A case is a kill: of the main process, of a worker, or of a Dask cluster's scheduler. In the end
 the results must be those of a study that nobody disturbed, but for times.
@@ -188,7 +188,7 @@ class Disturbed:
             if status == -number and (self.out / "report.md").exists():
                 return  # all was done: the signal had its usual effect
             assert status in (0, 128 + number), f"signal {number}: exit status {status}"
-            assert status == 0 or "Go on with: iout reproduce" in self.told(), "no hint"
+            assert status == 0 or "Continue with: iout reproduce" in self.told(), "no hint"
 
     def _kill_worker(self):
         if self._cluster is not None:

@@ -1,7 +1,7 @@
 """Trainings that are killed, at every write and at any time, and what is left of them.
 
 Whoever reads what a killed training has left sees the state of one moment, of all policies, or
-that nothing was saved yet; and the training goes on to the weights that it would have come to
+that nothing was saved yet; and the training continues to the weights that it would have come to
 without. Trainings run in forks of this process, where torch is loaded already.
 """
 
@@ -138,7 +138,7 @@ def _in_fork(folder, work, meanwhile=None):
             status = 0
         except SystemExit as end:
             status = end.code or 0
-        except BaseException:  # a fork must not go on with what its parent does
+        except BaseException:  # a fork must not continue with what its parent does
             if status == 70:
                 traceback.print_exc()
         finally:

@@ -104,14 +104,14 @@ class Laws:
         else:
             law("β in FDD", events.beta == 0)
         close("what is harvested", events.harvested_j, harvest_j)
-        payable_j = before.energy_j.copy()
-        np.add.at(payable_j, (self.env, events.charged), events.harvested_j)
-        close("charging adds what is harvested", payable_j, events.payable_j)
-        spent_j = np.zeros_like(payable_j)
+        available_j = before.energy_j.copy()
+        np.add.at(available_j, (self.env, events.charged), events.harvested_j)
+        close("charging adds what is harvested", available_j, events.available_j)
+        spent_j = np.zeros_like(available_j)
         np.add.at(spent_j, (self.env, events.heard), events.spent_j)
         law("energies are not negative", (after.energy_j >= 0).all(-1))
         law("nothing negative is spent", events.spent_j >= 0)
-        close("an uplink takes what it spends", after.energy_j, payable_j - spent_j, payable_j)
+        close("an uplink takes what it spends", after.energy_j, available_j - spent_j, available_j)
         stored_j = after.energy_j.sum(-1)
         close(
             "harvested is spent or stored",
@@ -127,8 +127,8 @@ class Laws:
         law("a node delivers once", served <= 1)
         law("deliveries are counted", after.deliveries == before.deliveries + served)
         law("who delivers pays", ~delivered | (events.spent_j > 0) | (events.beta > 0))
-        payable_j = np.take_along_axis(events.payable_j, events.heard, 1)
-        law("no more is spent than there is", events.spent_j <= payable_j * (1 + 1e-9))
+        available_j = np.take_along_axis(events.available_j, events.heard, 1)
+        law("no more is spent than there is", events.spent_j <= available_j * (1 + 1e-9))
         law("who only charges delivers nothing", ~delivered | (events.beta < 1))
         if access == "exclusive":
             law("one uplink in the network", delivered.sum(-1) <= 1)
@@ -138,7 +138,7 @@ class Laws:
             link = self.world.link
             heard_cell = np.take_along_axis(after.node_cell, events.heard, 1)
             price_j = link.slot_uplink_j[link.offset(after.cell, heard_cell)]
-            law("an uplink is paid", ~delivered | (payable_j > price_j))
+            law("an uplink is paid", ~delivered | (available_j > price_j))
             hears = mask[..., -self.world.num_nodes :]
             may = np.take_along_axis(hears, events.heard[..., None], 2)[..., 0]
             law("what is masked could not have paid", may | ~delivered)

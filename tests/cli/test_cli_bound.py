@@ -34,7 +34,7 @@ def test_json_has_bounds_gaps_and_certificate(iout, tmp_path):
         "gap_percent": pytest.approx(100 * (planned / record["best"] - 1)),
         "episodes": 1,
     }
-    assert record["certificate"]["kind"] == "opening"
+    assert record["certificate"]["kind"] == "branch-and-bound"
     assert record["certificate"]["age_sum"] == round(record["best"] * 18)
 
 

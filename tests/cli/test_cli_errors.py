@@ -152,7 +152,7 @@ class TestRuns:
 
     def test_existing_run(self, refused, folder):
         line = refused("train", *self.scenario, "--out", folder)
-        assert "holds a run already; go on with it by --resume" in line
+        assert "holds a run already; continue with it by --resume" in line
 
     def test_folder_that_cannot_be_made(self, refused, tmp_path):
         (tmp_path / "file").touch()

@@ -240,7 +240,9 @@ def test_a_signal_that_comes_as_the_report_is_written_loses_nothing(
     (folder / "results.json").unlink()
     status, _, err = iout("reproduce", *words)
     assert status == 128 + getattr(signal, name)
-    assert f"stopped; what is finished stays. Go on with: iout reproduce --study {finished}" in err
+    assert (
+        f"stopped; what is finished stays. Continue with: iout reproduce --study {finished}" in err
+    )
     assert (folder / "results.json").exists()
     assert [signal.getsignal(getattr(signal, name))] == before
 

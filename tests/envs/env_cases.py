@@ -1,4 +1,4 @@
-"""Scenarios on which the faces are tested: short episodes, every option that shapes an API."""
+"""Scenarios on which the APIs are tested: short episodes, every option that shapes an API."""
 
 import functools
 import itertools

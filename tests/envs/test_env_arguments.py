@@ -460,7 +460,7 @@ def test_a_mask_allows_no_way_out_of_the_grid_and_always_one_to_go(size, motion,
         nodes = [0] * (len(env.action_space("auv_0").nvec) - 1)
         before = env._episodes.current.cell.copy()
         _, _, _, _, infos = env.step({"auv_0": [int(rng.choice(directions)), *nodes]})
-        assert not env._episodes._playing.last("left_grid").any()
+        assert not env._episodes._running.last("left_grid").any()
         if size == (1, 1, 1):
             assert (env._episodes.current.cell == before).all()
 

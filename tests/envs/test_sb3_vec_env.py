@@ -1,4 +1,4 @@
-"""The VecEnv over the batched world plays what the other faces play, as Stable-Baselines3 asks."""
+"""The VecEnv over the batched world plays what the other APIs play, as Stable-Baselines3 asks."""
 
 import numpy as np
 import pytest

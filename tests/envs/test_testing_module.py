@@ -611,9 +611,9 @@ class CanNotBePickled(AUVParallelEnv):
 @pytest.mark.parametrize(
     ("broken", "message"),
     [
-        (PickleReseeds, "a deep copy goes on differently"),
-        (PickleForgets, "a deep copy goes on differently"),
-        (CopySharesTheEpisode, "a deep copy goes on differently"),
+        (PickleReseeds, "a deep copy continues differently"),
+        (PickleForgets, "a deep copy continues differently"),
+        (CopySharesTheEpisode, "a deep copy continues differently"),
         (CanNotBePickled, "cannot be copied"),
     ],
 )

@@ -82,7 +82,7 @@ class TestWorlds:
         for i, seed in enumerate((1, 2, 3)):
             single = iout_v0.parallel_env(scenario)._episodes
             found = self.played(scenario, single, [seed])
-            assert type(single._play).__name__ == "UnrolledPlay"
+            assert type(single._stepper).__name__ == "TracedStepper"
             for name in OWN:
                 np.testing.assert_allclose(found[name][0], batch[name][i], err_msg=name)
 

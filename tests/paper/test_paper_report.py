@@ -13,7 +13,7 @@ from iout_marl.paper.report import COMPARED
 from iout_marl.paper.rewards import advice, judgements
 from iout_marl.report.build import build_report
 from iout_marl.report.document import Answers, Table
-from iout_marl.report.figure import Plot, Trajectory
+from iout_marl.report.figure import Plot, TrajectoryPlot
 from iout_marl.report.markdown import render_markdown
 from iout_marl.report.measures import number
 from iout_marl.report.page import render_page
@@ -37,7 +37,7 @@ def test_every_figure_and_table_of_the_paper_is_there(report):
     assert {f"learning-{what}-{mode}" for what in ("aoi", "reward") for mode in ("tdd", "fdd")} <= (
         figures
     )
-    assert {figure.key for figure in items(report, Trajectory)} == {"path-tdd", "path-fdd"}
+    assert {figure.key for figure in items(report, TrajectoryPlot)} == {"path-tdd", "path-fdd"}
     tables = {table.key for table in items(report, Table)}
     assert {"energy-table", "cost", "hyperparameters", "constraints", "cells"} <= tables
     assert len(items(report, Answers)) == 1
@@ -57,7 +57,7 @@ def test_captions_say_seeds_episodes_and_what_the_interval_is_of(report):
     caption = next(f for f in report.figures() if f.key == "aoi").caption
     assert "1 run, 3 episodes; 95 % interval of the mean over episodes" in caption
     assert "3 trainings, 1 episode each; 95 % interval of the mean over seeds" in caption
-    for item in (*items(report, Plot), *items(report, Table), *items(report, Trajectory)):
+    for item in (*items(report, Plot), *items(report, Table), *items(report, TrajectoryPlot)):
         assert item.caption
         assert item.command.startswith("iout ")
 

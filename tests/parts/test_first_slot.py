@@ -109,7 +109,7 @@ def test_wherever_a_world_is_made(scenario_with):
 
 
 def test_on_the_arrays_that_a_world_has(scenario_with):
-    """What goes on NumPy alone is refused where it would be used on torch."""
+    """What continues NumPy alone is refused where it would be used on torch."""
     scenario = scenario_with(
         parts.rewards,
         parts.Reward,
@@ -137,7 +137,7 @@ ENTRIES = {
     "size must be at least 1, not 0": {"size": 0},
     "size must be a whole number": {"size": 2.5},
     r"ranges\(\).low must have shape \(2,\), as size says, not \(1,\)": {
-        "size": 2, "ranges": lambda part: parts.entry.base.Ranges.alike(1, 0, 1, 1)
+        "size": 2, "ranges": lambda part: parts.entry.base.Ranges.uniform(1, 0, 1, 1)
     },
     "low must not exceed high": {"low": 2.0},
     "scale must be above 0": {"scale": 0.0},
@@ -230,19 +230,19 @@ def test_what_a_placement_states(scenario_with, message, members):
 ACCESS = {
     "must return Uplinks": lambda part, request, split: request.sends[:, 0],
     r"delivered must be of bool, \(envs, auvs\) = \(3, 2\), not of float64": (
-        lambda part, request, split: Uplinks(request.payable_j, request.payable_j)
+        lambda part, request, split: Uplinks(request.available_j, request.available_j)
     ),
     "spent_j must be finite": lambda part, request, split: Uplinks(
-        request.sends, request.payable_j / 0
+        request.sends, request.available_j / 0
     ),
     "must not deliver that does not send": lambda part, request, split: Uplinks(
-        ~request.sends, 0 * request.payable_j
+        ~request.sends, 0 * request.available_j
     ),
-    "must not spend more than payable_j": lambda part, request, split: Uplinks(
-        part.to_nearest(request), request.payable_j + 1
+    "must not spend more than available_j": lambda part, request, split: Uplinks(
+        part.to_nearest(request), request.available_j + 1
     ),
     "must not be negative": lambda part, request, split: Uplinks(
-        part.to_nearest(request), -1 - request.payable_j
+        part.to_nearest(request), -1 - request.available_j
     ),
 }
 

@@ -14,7 +14,7 @@ from tiny_study import SameProcess, write_study
 
 from iout_marl import InputError, Trainer, bounds, evaluate, load_scenario, record_episode
 from iout_marl.bounds.check_game import finite_game, is_covered
-from iout_marl.bounds.field import Field
+from iout_marl.bounds.finite_game import FiniteGame
 from iout_marl.outlook import energy_outlook
 from iout_marl.parts import Part
 from iout_marl.policies.planned import PlannerPolicy
@@ -190,7 +190,7 @@ def test_bounds(pairs):
 
 def game(scenario):
     """What is searched for bounds, and what they are checked by."""
-    field = Field.of(scenario)
+    field = FiniteGame.from_scenario(scenario)
     checked = finite_game(scenario, tuple(field.levels_j[:-1].tolist()))
     searched = field.levels_j, tuple(field.tables), field.next_cells, field.start, field.distance_m
     return searched, tuple(checked)

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chisquare
 
 from iout_marl import InputError, World, evaluate, load_scenario
-from iout_marl.policies import BASELINES, UNTRAINED, Greedy, RandomWalk, RoundRobin, make_baseline
+from iout_marl.policies import BASELINES, POLICIES, Greedy, RandomWalk, RoundRobin, make_baseline
 from iout_marl.world import node_codes
 
 #: Below this a uniform draw is no longer believed; seeds are fixed.
@@ -56,8 +56,8 @@ class TestEveryBaseline:
 
 def test_names_are_those_of_the_table():
     assert list(BASELINES) == ["random-walk", "round-robin", "greedy", "tour"]
-    assert list(UNTRAINED) == [*BASELINES, "planner"]
-    assert all(make_baseline(name).name == name for name in UNTRAINED)
+    assert list(POLICIES) == [*BASELINES, "planner"]
+    assert all(make_baseline(name).name == name for name in POLICIES)
 
 
 def test_unknown_name():

@@ -5,9 +5,9 @@ import pytest
 import scipy.stats
 
 from iout_marl import InputError, World, evaluate, load_scenario
-from iout_marl.episode import record_episode
 from iout_marl.evaluation import METRICS, Estimate, play
 from iout_marl.policies import BASELINES, EpisodeStreams, is_deterministic, make_baseline
+from iout_marl.trajectory import record_episode
 from trainers import Trainer
 from trainers.trained import TrainedPolicy
 
@@ -179,7 +179,7 @@ class TestWithoutChance:
 )
 def test_no_estimate_is_made_of_what_is_not_finite(samples, message):
     with pytest.raises(ValueError, match=message):
-        Estimate.of(samples)
+        Estimate.from_samples(samples)
 
 
 def test_metrics_that_are_not_finite_are_refused(monkeypatch):

@@ -219,7 +219,7 @@ def test_what_a_policy_raises_is_raised():
 @pytest.mark.parametrize("count", [2, 3, 10, 100])
 def test_interval_is_that_of_students_t(count):
     samples = np.random.default_rng(count).normal(5, 2, count)
-    estimate = Estimate.of(samples)
+    estimate = Estimate.from_samples(samples)
     low, high = scipy.stats.t.interval(
         0.95, count - 1, loc=samples.mean(), scale=scipy.stats.sem(samples)
     )
@@ -232,14 +232,14 @@ def test_interval_is_that_of_students_t(count):
 @pytest.mark.parametrize("count", [3, 20])
 def test_interval_covers_the_mean_in_95_of_100_cases(count):
     rng = np.random.default_rng(0)
-    estimates = [Estimate.of(rng.normal(7, 3, count)) for _ in range(4000)]
+    estimates = [Estimate.from_samples(rng.normal(7, 3, count)) for _ in range(4000)]
     covered = np.mean([e.low <= 7 <= e.high for e in estimates])
     # Four standard deviations of such a share.
     assert covered == pytest.approx(0.95, abs=4 * math.sqrt(0.95 * 0.05 / 4000))
 
 
 def test_equal_samples_leave_no_interval():
-    estimate = Estimate.of([4.0, 4.0, 4.0])
+    estimate = Estimate.from_samples([4.0, 4.0, 4.0])
     assert (estimate.low, estimate.mean, estimate.high) == (4, 4, 4)
 
 

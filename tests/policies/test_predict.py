@@ -253,7 +253,7 @@ def test_asked_twice_in_a_slot_a_policy_answers_the_same(world):
         slots.append(first["auv_0"].tolist())
         observations, *_ = env.step(first)
     assert len({tuple(each) for each in slots}) > 1
-    # The next episode goes on with the streams; a seed begins them anew.
+    # The next episode continues with the streams; a seed begins them anew.
     observations, _ = env.reset()
     again = []
     while env.agents:

@@ -13,9 +13,9 @@ from iout_marl.bounds import delivery_bound
 from iout_marl.evaluation import play
 from iout_marl.policies import Budget, PlannerPolicy, Tour, make_baseline
 from iout_marl.policies.routes import (
+    assign_nodes,
     moves_between,
     nearest_neighbour_order,
-    shared_out,
     tour_order,
     tours,
 )
@@ -40,7 +40,7 @@ class TestShares:
     @given(points(), points(1, 6))
     @settings(max_examples=60, deadline=None)
     def test_hold_every_node_once_and_are_balanced(self, nodes, starts):
-        shares = shared_out(nodes, starts)
+        shares = assign_nodes(nodes, starts)
         assert len(shares) == len(starts)
         assert sorted(np.concatenate(shares)) == list(range(len(nodes)))
         sizes = [len(share) for share in shares]
@@ -50,7 +50,7 @@ class TestShares:
         west, east = np.zeros((3, 3)), np.zeros((3, 3))
         west[:, 1], east[:, 1], east[:, 0] = range(3), range(3), 9
         starts = np.array([[8.0, 0, 0], [1, 0, 0]])
-        first, second = shared_out(np.concatenate([west, east]), starts)
+        first, second = assign_nodes(np.concatenate([west, east]), starts)
         assert (first.tolist(), second.tolist()) == ([3, 4, 5], [0, 1, 2])
 
 

@@ -2,9 +2,9 @@
 
 import math
 
-from iout_marl.episode import Episode
 from iout_marl.report.document import Answer, Answers, Report, Section, Table
-from iout_marl.report.figure import Axis, Line, Plot, Trajectory
+from iout_marl.report.figure import Axis, Line, Plot, TrajectoryPlot
+from iout_marl.trajectory import Trajectory
 
 NAN = math.nan
 COMMAND = "iout reproduce --seeds 1-5 --only 'fig5 & fig6' --out runs/<name>"
@@ -130,13 +130,13 @@ def _trajectory(slots=120):
         heard.append([hears])
         delivered.append([arrived])
         ages.append(age)
-    return Trajectory(
+    return TrajectoryPlot(
         key="trajectory",
         title="An episode of the trained policy",
         caption="Seed 1, the first 120 slots: the path of the AUV, coloured by slot. Cells are "
         "50 m wide; turn the figure by dragging it.",
         command="iout trajectory --seed 1",
-        episode=Episode([10, 10, 5], 50, nodes, path, charged, heard, delivered, ages),
+        episode=Trajectory([10, 10, 5], 50, nodes, path, charged, heard, delivered, ages),
     )
 
 

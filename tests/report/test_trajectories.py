@@ -11,17 +11,17 @@ from drawn import layout, traces
 from fake_results import episode, record, results
 from report_sample import TRAJECTORY
 
-from iout_marl.episode import Episode
 from iout_marl.render import style
 from iout_marl.render.scene import Link, Passed
 from iout_marl.report.build import build_report
 from iout_marl.report.document import to_csv
-from iout_marl.report.figure import Trajectory
+from iout_marl.report.figure import TrajectoryPlot
 from iout_marl.report.generic import MOST_PATHS
 from iout_marl.report.matplotlib_writer import draw
 from iout_marl.report.plotly_writer import plotly_json
+from iout_marl.trajectory import Trajectory
 
-TEAM = Episode(
+TEAM = Trajectory(
     grid=[6, 5, 3],
     spacing_m=100.0,
     nodes=[[1, 1, 1], [6, 5, 3]],
@@ -88,13 +88,13 @@ def test_what_differs_in_an_episode_differs_in_picture_and_page(change):
 
 
 def test_a_way_that_is_taken_again_lies_beside_itself():
-    once, often = (replace(TRAJECTORY, episode=Episode(**episode(1, [0] * n))) for n in (9, 29))
+    once, often = (replace(TRAJECTORY, episode=Trajectory(**episode(1, [0] * n))) for n in (9, 29))
     assert draw(once)["png"] != draw(often)["png"]
 
 
 @pytest.mark.parametrize("grid", [[1, 1, 1], [40, 2, 1], [2, 3, 50]])
 def test_grids_of_any_form_are_drawn(grid):
-    still = Episode(
+    still = Trajectory(
         grid, 10.0, [[1, 1, 1]], [[[1, 1, 1]]] * 3, [[1]] * 2, [[1]] * 2, [[True]] * 2, [[1]] * 2
     )
     figure = replace(TRAJECTORY, episode=still)
@@ -110,14 +110,14 @@ def paths(count):
         for name, policy in [("greedy", "greedy"), *((f"own {i}", "ppo") for i in range(count))]
     ]
     report = build_report(results(cells, report="plain"))
-    return [figure for figure in report.figures() if isinstance(figure, Trajectory)], report
+    return [figure for figure in report.figures() if isinstance(figure, TrajectoryPlot)], report
 
 
 def test_a_users_study_shows_its_paths_as_the_papers_report_does():
     (first, second), _ = paths(2)
     assert [first.key, second.key] == ["path-1", "path-2"]
     assert first.title == "Path of own 0 with 5 nodes"
-    assert first.episode == Episode(**episode(5, (1, 2, 1)))
+    assert first.episode == Trajectory(**episode(5, (1, 2, 1)))
     assert "3 packets delivered in 3 slots" in first.caption
 
 

@@ -81,7 +81,7 @@ def test_a_study_that_loses_its_scheduler_says_how_to_go_on_and_does(cluster, st
     assert "Traceback" not in told
     line = told.splitlines()[-1]
     assert line.startswith(f"iout: --scheduler {cluster.address}: the scheduler has gone; ")
-    assert f"what is finished stays. Go on with: iout reproduce --study {tmp_path}" in line
+    assert f"what is finished stays. Continue with: iout reproduce --study {tmp_path}" in line
     assert [li for li in told.splitlines() if "AoI" not in li and "cells on" not in li] == [line]
     before = {path: path.stat().st_mtime_ns for path in kept}
     again = start("--jobs", "2")
@@ -96,7 +96,7 @@ def test_a_study_on_a_cluster_is_stopped_like_any_other(cluster, start, tmp_path
     running.send_signal(signal.SIGTERM)
     _, told = running.communicate(timeout=PATIENCE_S)
     assert running.returncode == 128 + signal.SIGTERM
-    assert f"Go on with: iout reproduce --study {tmp_path}" in told
+    assert f"Continue with: iout reproduce --study {tmp_path}" in told
     assert f"--scheduler {cluster.address}" in told
     assert "Traceback" not in told
 

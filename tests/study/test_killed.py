@@ -103,7 +103,7 @@ def test_a_stopped_study_says_how_to_go_on(start, tmp_path, number):
     process.send_signal(number)
     _, told = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 128 + number
-    assert "stopped; what is finished stays. Go on with: iout reproduce" in told
+    assert "stopped; what is finished stays. Continue with: iout reproduce" in told
     assert "Traceback" not in told
     assert not (tmp_path / "out" / "results.json").exists()
 
@@ -133,7 +133,7 @@ def test_a_signal_of_the_terminal_to_all_processes_makes_no_traceback(
     os.killpg(process.pid, number)
     _, told = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 128 + number, told
-    assert "stopped; what is finished stays. Go on with: iout reproduce" in told
+    assert "stopped; what is finished stays. Continue with: iout reproduce" in told
     assert "Traceback" not in told
     assert "Error" not in told
     wait_for(lambda: not any(worker.is_running() for worker in workers))

@@ -246,7 +246,7 @@ def test_one_episode_or_a_hundred_that_are_alike_may_stand_for_a_deterministic_w
 def test_a_record_keeps_as_many_episodes_as_were_played(tmp_path):
     cell = expand(*load_study(write_study(tmp_path / "tiny.yaml")))[0]
     samples = {name: [1.0] for name in RESULTS["cells"][0]["record"]["samples"]}
-    record = Record.of(cell, samples, "2026-01-01", deterministic=True)
+    record = Record.from_cell(cell, samples, "2026-01-01", deterministic=True)
     assert (record.episodes, cell.episodes, record.deterministic) == (1, 3, True)
     assert record.key == cell.key
     assert Measured((1.0,), "episodes").estimate.mean == 1

@@ -8,11 +8,11 @@ from tiny_study import SETTINGS, DeadlyProcesses, SameProcess, write_study
 
 from iout_marl import InputError, evaluate
 from iout_marl.bounds import Certificate, verified_age_sum
-from iout_marl.episode import Episode
 from iout_marl.study import Results, expand, load_study, run_study
 from iout_marl.study.pools import LocalProcesses
 from iout_marl.study.results import Measured, read_results
 from iout_marl.study.run import StudyFolder
+from iout_marl.trajectory import Trajectory
 from iout_marl.world import pin_layout
 from trainers import RunFolder
 
@@ -82,7 +82,7 @@ def test_a_trained_cell_keeps_its_run_its_curve_and_an_episode(run, study, tmp_p
     assert record.training.seconds > 0
     assert record.training.curve["env_steps"][-1] == 560
     assert len({len(values) for values in record.training.curve.values()}) == 1
-    episode = Episode(**record.episode)
+    episode = Trajectory(**record.episode)
     assert len(episode.delivered) == 20
     ages = [sum(slot) / len(slot) for slot in episode.ages]
     assert sum(ages) / 20 == pytest.approx(record.mean("mean_aoi"), rel=1e-6)

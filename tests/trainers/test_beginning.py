@@ -231,7 +231,7 @@ class TestWhichPoliciesAreMeant:
         fault = "have been trained alone since they were trained side by side"
         if len(steps) == 1:
             fault = "have not come equally far, but 480 to 560 steps"
-        with pytest.raises(InputError, match=f"these runs {fault}; go on with each by its own"):
+        with pytest.raises(InputError, match=f"these runs {fault}; continue with each by its own"):
             quietly(tiny({"training.steps": 640}), tmp_path, resume=True)
 
     def test_that_is_missing(self, tiny, tmp_path):

@@ -1,4 +1,4 @@
-"""A checkpoint is checked whole before a training goes on from it."""
+"""A checkpoint is checked whole before a training continues from it."""
 
 import copy
 import io
@@ -33,7 +33,7 @@ VARIANTS = {
 
 @pytest.fixture(scope="module", params=VARIANTS.values(), ids=list(VARIANTS))
 def trained(request, tiny):
-    """A state to go on from, and a trainer that could."""
+    """A state to continue from, and a trainer that could."""
     trainer = Trainer(tiny(request.param), seed=5)
     for _ in range(3):
         trainer.iterate()

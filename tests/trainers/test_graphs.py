@@ -97,7 +97,7 @@ def iterated(trainer, times):
 
 
 def everything(trainer):
-    """All that training goes on from."""
+    """All that training continues from."""
     return tree_flatten([trainer.state_dict(i) for i in range(len(trainer.seeds))])[0]
 
 

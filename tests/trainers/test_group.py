@@ -80,7 +80,7 @@ def test_two_processes_learn_what_one_does(scenario_file, tiny, tmp_path, change
                 assert ours[tag] == pytest.approx(value, rel=1e-3, abs=1e-4), tag
     # One reports, and what it reports is the whole.
     assert result.stdout.count("trained for") == 1
-    # A checkpoint is that of all environments: one process can go on with it.
+    # A checkpoint is that of all environments: one process can continue with it.
     longer = tiny({**changes, "training.steps": 800})
     outcomes = [train(longer, run.path, resume=True) for run in (two, alone.run)]
     ours, theirs = (outcome.trainer.weights() for outcome in outcomes)

@@ -38,7 +38,7 @@ def quietly(scenario, folder, **options):
 
 @pytest.fixture
 def other(tiny, tmp_path):
-    """Starts a training in another process, which goes on as its input is closed."""
+    """Starts a training in another process, which continues as its input is closed."""
     processes = []
     source = tmp_path / "scenario.yaml"
     source.write_text(to_yaml(tiny()), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A training that was stopped, by a signal or a crash, goes on as if it never had been."""
+"""A training that was stopped, by a signal or a crash, continues as if it never had been."""
 
 import io
 import json
@@ -334,7 +334,7 @@ def test_signal_before_the_first_iteration(tmp_path, run, monkeypatch):
 def test_signal_during_the_final_evaluation(tmp_path, run, monkeypatch, number):
     def stop(*_, **__):
         signal.raise_signal(number)
-        raise AssertionError("the evaluation goes on")
+        raise AssertionError("the evaluation continues")
 
     with monkeypatch.context() as patch:
         patch.setattr(training, "evaluate", stop)
@@ -414,4 +414,4 @@ def test_settings_that_are_too_large_end_in_one_line_or_not_at_all(tmp_path, tin
 def test_resumed_run_takes_no_other_seed(iout, tmp_path):
     status, _, err = iout("train", "best/k3-fdd", "--resume", tmp_path, "--seed", 3)
     assert status == 2
-    assert "--seed: a resumed run goes on with its own seed" in err
+    assert "--seed: a resumed run continues with its own seed" in err

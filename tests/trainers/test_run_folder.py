@@ -140,7 +140,7 @@ class TestCreating:
     def test_existing_run_is_not_overwritten(self, folder, tiny):
         before = {p.name: p.read_bytes() for p in folder.iterdir()}
         message = refusal(lambda: quietly(tiny(), folder))
-        assert "holds a run already; go on with it by --resume" in message
+        assert "holds a run already; continue with it by --resume" in message
         assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
 
     @pytest.mark.parametrize("kept", RESULTS)

@@ -288,7 +288,7 @@ def test_policies_of_a_group_go_on_alone_each(group, tiny):
     for seed in (3, 4):
         assert quietly(longer, group / f"seed-{seed}", resume=True).trainer.env_steps == 720
         assert RunFolder(group / f"seed-{seed}").policy_shape()["env_steps"] == 720
-    with pytest.raises(InputError, match="go on with each by its own folder"):
+    with pytest.raises(InputError, match="continue with each by its own folder"):
         quietly(tiny({"training.steps": 800}), group, resume=True)
 
 

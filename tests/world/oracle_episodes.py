@@ -187,7 +187,7 @@ def _expected_slot(action: list[Any], oracles: list[Oracle]) -> ExpectedSlot:
 
     return ExpectedSlot(
         action,
-        # As arrays, because the oracle goes on writing in its lists.
+        # As arrays, because the oracle continues writing in its lists.
         {name: np.array([getattr(oracle, name) for oracle in oracles]) for name in STATE},
         {name: [[getattr(e, name) for e in o.events] for o in oracles] for name in EVENTS},
         by_name([oracle.reward_terms() for oracle in oracles]),

@@ -113,7 +113,7 @@ def test_no_node_spends_more_than_it_has(access, seed):
         spent = np.zeros_like(state.energy_j)
         for env, auv in np.ndindex(*events.heard.shape):
             spent[env, events.heard[env, auv]] += events.spent_j[env, auv]
-        assert (spent <= events.payable_j * (1 + 1e-9)).all()
+        assert (spent <= events.available_j * (1 + 1e-9)).all()
 
 
 @laws

@@ -40,7 +40,7 @@ BROKEN = {
         "what is harvested",
     ),
     "uplinks without energy": (
-        (FrequencyDivision, "sends", lambda self, split, payable_j: payable_j >= 0),
+        (FrequencyDivision, "sends", lambda self, split, available_j: available_j >= 0),
         "an uplink",
     ),
     "ages without an end": (

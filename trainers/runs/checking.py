@@ -1,4 +1,4 @@
-"""Whether a state that was read from a file is one that a training can go on from."""
+"""Whether a state that was read from a file is one that a training can continue from."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def check_origin(path: Path, saved: dict[str, Any]) -> None:
 
 
 def check_state(path: Path, saved: dict[str, Any], trainer: BaseTrainer, policy: int) -> None:
-    """Refuse a `Trainer.state_dict` that a training cannot go on from.
+    """Refuse a `Trainer.state_dict` that a training cannot continue from.
 
     Args:
         path: the file, for the message.

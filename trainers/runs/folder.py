@@ -4,7 +4,7 @@
 |---|---|
 | `scenario.yaml` | the scenario, resolved |
 | `policy.safetensors`, `policy.json` | the networks' weights, and their shape |
-| `checkpoint.pt` | all that training goes on from |
+| `checkpoint.pt` | all that training continues from |
 | `result.json` | the final policy's evaluation |
 | `run.json` | which contents of the files above belong together, see `trainers.runs.saving` |
 | `metrics.jsonl` | a line for every iteration |
@@ -88,7 +88,7 @@ class RunFolder:
         """
         if saving.is_used(self.path):
             raise InputError(
-                f"{self.path}: holds a run already; go on with it by --resume, "
+                f"{self.path}: holds a run already; continue with it by --resume, "
                 "or name another folder by --out"
             )
 

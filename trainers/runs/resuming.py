@@ -1,4 +1,4 @@
-"""How a training goes on from what it has saved."""
+"""How a training continues from what it has saved."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def runs_in(out: Path) -> list[RunFolder]:
 def refuse_to_resume(
     runs: Sequence[RunFolder], scenario: Scenario, *, is_together: bool
 ) -> list[dict[str, Any]]:
-    """What the runs have saved, if a training of this scenario can go on from there.
+    """What the runs have saved, if a training of this scenario can continue from there.
 
     Args:
         runs, scenario, is_together: as for `resumed`.
@@ -63,13 +63,13 @@ def refuse_to_resume(
     if taken >= settings.steps + settings.environments * settings.rollout_slots:
         raise InputError(
             f"{runs[0].path}: has taken {taken:,} steps already, more than the "
-            f"{settings.steps:,} of training.steps; to go on, ask for more"
+            f"{settings.steps:,} of training.steps; to continue, ask for more"
         )
     return saved
 
 
 def _check_together(out: Path, saved: Sequence[Mapping[str, Any]]) -> None:
-    """Refuse policies that cannot go on side by side."""
+    """Refuse policies that cannot continue side by side."""
     seeds = [one["seed"] for one in saved]
     steps = [one["env_steps"] for one in saved]
     trained = {tuple(one["side_by_side"]) for one in saved}
@@ -81,7 +81,7 @@ def _check_together(out: Path, saved: Sequence[Mapping[str, Any]]) -> None:
         fault = "have been trained alone since they were trained side by side"
     else:
         fault = "are not all that were trained side by side: some are missing"
-    raise InputError(f"{out}: these runs {fault}; go on with each by its own folder")
+    raise InputError(f"{out}: these runs {fault}; continue with each by its own folder")
 
 
 def resumed(
@@ -104,7 +104,7 @@ def resumed(
         use_graphs: as for `Trainer`.
 
     Raises:
-        InputError: there is nothing to go on from, or not from there.
+        InputError: there is nothing to continue from, or not from there.
     """
     saved = refuse_to_resume(runs, scenario, is_together=is_together)
     seed = saved[0]["seed"]

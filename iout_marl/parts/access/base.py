@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.core.split import Split
+from iout_marl.deprecated import warn_renamed
 from iout_marl.parts.base import Context, Part
 from iout_marl.physics.arrays import Array
 from iout_marl.registry import Registry
@@ -28,8 +29,14 @@ class Request(NamedTuple):
     heard: Array  # node asked for its packet
     node_cell: Array  # code of that node's cell
     sends: Array  # bool: whether it would send if it were alone
-    payable_j: Array  # J: energy that it has when the uplinks begin
+    available_j: Array  # J: energy that it has when the uplinks begin
     offset: Array  # offset from the AUV to it, see `Link`
+
+    @property
+    def payable_j(self) -> Array:
+        """The name of `available_j` in the version before."""
+        warn_renamed("Request.payable_j", "Request.available_j")
+        return self.available_j
 
 
 class Uplinks(NamedTuple):

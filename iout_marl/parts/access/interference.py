@@ -74,7 +74,7 @@ class Interference(Access):
         for _ in range(self._num_auvs):
             factor, solved = self._least_factors(coupling, sending, quiet)
             # At the root of the energy balance a rounding may leave a little too little.
-            pays = (factor <= 1) | (request.payable_j >= required_j * factor)
+            pays = (factor <= 1) | (request.available_j >= required_j * factor)
             fails = xp.any(sending & ~(solved & pays), axis=1, keepdims=True)
             if self.world.backend.surely_none(fails):
                 break

@@ -53,7 +53,7 @@ class Duplex(Part):
 
     @property
     def charging_frequency_khz(self) -> float:
-        """Of the sound that charges."""
+        """Frequency of the sound that charges."""
         raise NotImplementedError
 
     @property
@@ -89,12 +89,12 @@ class Duplex(Part):
         """
         raise NotImplementedError
 
-    def sends(self, split: Split, payable_j: Array) -> Array:
+    def sends(self, split: Split, available_j: Array) -> Array:
         """Whether the node heard sends, (envs, auvs) bool.
 
         Args:
             split: the slot's split.
-            payable_j: (envs, auvs) energy of the node heard after charging.
+            available_j: (envs, auvs) energy of the node heard after charging.
         """
         raise NotImplementedError
 

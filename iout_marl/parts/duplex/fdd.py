@@ -22,7 +22,7 @@ class FrequencyDivision(Duplex):
     """Charging and uplink at once, in two bands, both for the whole slot, of any two nodes."""
 
     class Settings(PartSettings):
-        #: Of the sound that charges.
+        #: Frequency of the sound that charges.
         charging_frequency_khz: Frequency = 40.0
         #: In the middle of the uplink's band.
         uplink_frequency_khz: Frequency = 30.0
@@ -58,8 +58,8 @@ class FrequencyDivision(Duplex):
             required_j=self._link.at(self._link.slot_uplink_j, uplink_offset),
         )
 
-    def sends(self, split: Split, payable_j: Array) -> Array:
-        return payable_j > split.required_j
+    def sends(self, split: Split, available_j: Array) -> Array:
+        return available_j > split.required_j
 
     def energy_never_binds(self, energies: SlotEnergies) -> bool:
         return bool(energies.poorest_j > energies.dearest_j)

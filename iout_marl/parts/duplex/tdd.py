@@ -26,7 +26,7 @@ class TimeDivision(Duplex):
     """One band and one node a slot: charging for βτ, uplink for (1 − β)τ."""
 
     class Settings(PartSettings):
-        #: Of the sound that charges, and in the middle of the uplink's band.
+        #: Frequency of the sound that charges, and in the middle of the uplink's band.
         frequency_khz: Frequency = 40.0
         #: How β follows from the energy balance.
         beta_rule: Annotated[PartSettings, PartOf("beta rule", is_word=True)] = Field(
@@ -89,7 +89,7 @@ class TimeDivision(Duplex):
     def split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
         return self.rule.split(charging_offset, uplink_offset, stored_j)
 
-    def sends(self, split: Split, payable_j: Array) -> Array:  # noqa: ARG002
+    def sends(self, split: Split, available_j: Array) -> Array:  # noqa: ARG002
         # The rule for β has seen to it that the uplink is paid wherever there is one.
         return split.beta < 1
 

@@ -39,7 +39,7 @@ class Entry(Part):
 
     def ranges(self) -> Ranges:
         """The ranges of the numbers, (size,) each, once it is set up."""
-        return Ranges.alike(self.size, self.low, self.high, self.scale)
+        return Ranges.uniform(self.size, self.low, self.high, self.scale)
 
     def check_stated(self, scenario: Scenario) -> None:  # noqa: ARG002
         if not isinstance(self.unit, str):

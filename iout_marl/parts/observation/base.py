@@ -11,7 +11,7 @@ from iout_marl.core.limits import FARTHEST_M, UPLINK_W, bounded, unheard
 from iout_marl.core.link import Link
 from iout_marl.core.ranges import Ranges
 from iout_marl.parts.base import Context, Part
-from iout_marl.physics.arrays import Array, lookup, turned
+from iout_marl.physics.arrays import Array, lookup, reverse_axes
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import Plausible, Positive
@@ -23,7 +23,7 @@ class Representation(Part):
     """What an AUV sees, and how it is written: here as it is, in cells, slots and joules.
 
     Attributes:
-        price_j: the energy of an uplink over half the grid's diagonal, in J: the reference for
+        reference_energy_j: that of an uplink over half the grid's diagonal, in J: the reference for
             stored energies.
     """
 
@@ -60,7 +60,7 @@ class Representation(Part):
     def setup(self, world: Context) -> None:
         super().setup(world)
         scenario, grid, link, backend = world.scenario, world.grid, world.link, world.backend
-        self.price_j = _price_j(scenario, link)
+        self.reference_energy_j = _reference_energy_j(scenario, link)
         self._num_nodes, self._num_slots = scenario.num_nodes, scenario.num_slots
         #: x, y and z by code, one after the other; where each begins, to go with the cells
         #: of AUVs and nodes, or of pairs of AUVs.
@@ -75,15 +75,15 @@ class Representation(Part):
 
     def in_cells(self, cell: Array) -> Array:
         """x, y and z of cells by code, counted from 1: (…, 3)."""
-        places = self._axes[cell.ndim] + turned(self.xp, cell)
-        return turned(self.xp, lookup(self.xp, self._coordinates, places))
+        places = self._axes[cell.ndim] + reverse_axes(self.xp, cell)
+        return reverse_axes(self.xp, lookup(self.xp, self._coordinates, places))
 
     def positions(self, cell: Array) -> Array:
         """x, y and z of cells by code: (…, 3)."""
         return self.in_cells(cell)
 
     def position_ranges(self) -> Ranges:
-        """Of one cell."""
+        """Ranges of one cell."""
         return Ranges(np.ones(3), self._size, self._size)
 
     def steps(self, steps: Array) -> Array:
@@ -91,7 +91,7 @@ class Representation(Part):
         return steps
 
     def step_ranges(self) -> Ranges:
-        """Of one difference."""
+        """Ranges of one difference."""
         far = np.maximum(self._size - 1, 1)
         return Ranges(-far, far, far)
 
@@ -100,33 +100,33 @@ class Representation(Part):
         return age
 
     def age_ranges(self) -> Ranges:
-        """Of one age for each node."""
-        return Ranges.alike(self._num_nodes, 1, self._maximum_age, self._maximum_age)
+        """Ranges of one age for each node."""
+        return Ranges.uniform(self._num_nodes, 1, self._maximum_age, self._maximum_age)
 
     def energies(self, energy_j: Array) -> Array:
         """Stored energies in J."""
         return energy_j
 
     def energy_ranges(self) -> Ranges:
-        """Of one energy for each node."""
-        return Ranges.alike(self._num_nodes, 0, self._most_j, self.price_j)
+        """Ranges of one energy for each node."""
+        return Ranges.uniform(self._num_nodes, 0, self._most_j, self.reference_energy_j)
 
     def counts(self, deliveries: Array) -> Array:
         """Numbers of deliveries."""
         return deliveries
 
     def count_ranges(self) -> Ranges:
-        """Of one number for each node; K nodes share the deliveries."""
+        """Ranges of one number for each node; K nodes share the deliveries."""
         slots = self._num_slots
-        return Ranges.alike(self._num_nodes, 0, slots, slots / self._num_nodes)
+        return Ranges.uniform(self._num_nodes, 0, slots, slots / self._num_nodes)
 
     def durations(self, slots: Array) -> Array:
         """Numbers of slots."""
         return slots
 
     def duration_ranges(self) -> Ranges:
-        """Of one duration for each node."""
-        return Ranges.alike(self._num_nodes, 0, self._num_slots, self._num_slots)
+        """Ranges of one duration for each node."""
+        return Ranges.uniform(self._num_nodes, 0, self._num_slots, self._num_slots)
 
     def time(self, slot: Array) -> Array:
         """The share of the episode that is over: (envs,) slots to (envs, 1)."""
@@ -136,10 +136,10 @@ class Representation(Part):
 representations: Registry[type[Representation]] = Registry("observation", Representation)
 
 
-def _price_j(scenario: Scenario, link: Link) -> float:
+def _reference_energy_j(scenario: Scenario, link: Link) -> float:
     """Energy of an uplink over half the grid's diagonal: the yardstick for stored energy."""
     half_diagonal = 0.5 * scenario.grid.spacing_m * np.linalg.norm(scenario.grid.cells)
     power_per_snr_w = link.budget.power_per_snr_w(min(float(half_diagonal), FARTHEST_M))
-    price_j = unheard(link.budget.required_energy_j)(power_per_snr_w, link.slot_s)
+    reference_energy_j = unheard(link.budget.required_energy_j)(power_per_snr_w, link.slot_s)
     # Divisors must be no less than numbers are, nor more.
-    return float(bounded(price_j, *UPLINK_W))
+    return float(bounded(reference_energy_j, *UPLINK_W))

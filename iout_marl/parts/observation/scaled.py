@@ -22,7 +22,7 @@ class Scaled(Representation):
         return (self.in_cells(cell) - 1) / self._last_cell
 
     def position_ranges(self) -> Ranges:
-        return Ranges.alike(3, 0, 1, 1)
+        return Ranges.uniform(3, 0, 1, 1)
 
     def steps(self, steps: Array) -> Array:
         return steps / self._last_cell
@@ -35,24 +35,24 @@ class Scaled(Representation):
         return age / self._maximum_age
 
     def age_ranges(self) -> Ranges:
-        return Ranges.alike(self._num_nodes, 0, 1, 1)
+        return Ranges.uniform(self._num_nodes, 0, 1, 1)
 
     def energies(self, energy_j: Array) -> Array:
-        return energy_j / (energy_j + self.price_j)
+        return energy_j / (energy_j + self.reference_energy_j)
 
     def energy_ranges(self) -> Ranges:
-        return Ranges.alike(self._num_nodes, 0, 1, 1)
+        return Ranges.uniform(self._num_nodes, 0, 1, 1)
 
     def counts(self, deliveries: Array) -> Array:
         """Deliveries per slot."""
         return deliveries / self._num_slots
 
     def count_ranges(self) -> Ranges:
-        return Ranges.alike(self._num_nodes, 0, 1, 1 / self._num_nodes)
+        return Ranges.uniform(self._num_nodes, 0, 1, 1 / self._num_nodes)
 
     def durations(self, slots: Array) -> Array:
         """Shares of the episode."""
         return slots / self._num_slots
 
     def duration_ranges(self) -> Ranges:
-        return Ranges.alike(self._num_nodes, 0, 1, 1)
+        return Ranges.uniform(self._num_nodes, 0, 1, 1)

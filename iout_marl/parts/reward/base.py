@@ -63,11 +63,11 @@ class WeightedAge:
         self._all_alike = set(scenario.node_weights) == {1.0}
 
     def __call__(self, state: State) -> Array:
-        """Of a state, (envs,)."""
-        return state.mean_age if self._all_alike else self.of(state.age)
+        """The weighted mean age of a state, (envs,)."""
+        return state.mean_age if self._all_alike else self.mean(state.age)
 
-    def of(self, age: Array) -> Array:
-        """Of (…, nodes) ages, (…)."""
+    def mean(self, age: Array) -> Array:
+        """The weighted mean, (…), of (…, nodes) ages."""
         return age @ self._weights
 
 

@@ -45,7 +45,7 @@ class MeanAge(Reward):
 
     def __call__(self, state: State, events: Events) -> Mapping[str, Array]:  # noqa: ARG002
         share = self._credit.share
-        terms = {"age": share(-self._age(state), lambda age, _: -self._age.of(age), state)}
+        terms = {"age": share(-self._age(state), lambda age, _: -self._age.mean(age), state)}
         if self._fairness_weight:
             terms["fairness"] = share(self._fairness(state.jain), self._fairness_of, state)
         return terms

@@ -89,7 +89,7 @@ class Paper(Reward):
     def __call__(self, state: State, events: Events) -> Mapping[str, Array]:
         settings, xp, nodes = self.settings, self.xp, self._nodes
         age = self._weight * (self._one - state.jain) * self._age(state)
-        served = nodes.chosen(state.deliveries, nodes.place(events.heard))
+        served = nodes.gather(state.deliveries, nodes.flat_index(events.heard))
         overserved = events.delivered & (served > self._ideal_deliveries)
         terms = {
             "age": self._credit.share(age, self._discriminated_age, state),
@@ -103,13 +103,13 @@ class Paper(Reward):
             terms["separation"] = pick(xp, self._separation, events.blocked)
         if settings.unserved_penalty:
             unserved = nodes.sum(xp.astype(state.deliveries == 0, state.age.dtype))
-            terms["unserved"] = nodes.alike(-settings.unserved_penalty * unserved)
+            terms["unserved"] = nodes.broadcast_to_auvs(-settings.unserved_penalty * unserved)
         return terms
 
     def _discriminated_age(self, age: Array, deliveries: Array) -> Array:
         """The age term of (…, nodes) ages and deliveries: (…)."""
         jain = jain_of(self.xp, deliveries, self._nodes.num_nodes)
-        return self._weight * (self._one - jain) * self._age.of(age)
+        return self._weight * (self._one - jain) * self._age.mean(age)
 
     def _missed_data(self, state: State, events: Events) -> Array:
         """Eq. `penalty for missed information fdd`: no node, or the wrong one, heard."""
@@ -117,7 +117,7 @@ class Paper(Reward):
         if settings.no_able_node_penalty == settings.wrong_node_penalty:
             return pick(xp, self._missed, events.delivered)
         offset = link.offset(state.cell[:, :, None], state.node_cell[:, None, :])
-        able = events.payable_j[:, None, :] > link.at(link.slot_uplink_j, offset)
+        able = events.available_j[:, None, :] > link.at(link.slot_uplink_j, offset)
         penalty = xp.where(xp.any(able, axis=2), self._wrong_node, self._no_able_node)
         return xp.where(events.delivered, self._none, penalty)
 

@@ -1,4 +1,4 @@
-"""The sharing bound for TDD: every node plans for itself, and pays for the AUV's time.
+"""The Lagrangian bound for TDD: every node plans for itself, and pays for the AUV's time.
 
 A slot serves one node, and the AUV is in one place. Take both rules away, and every node k may
 have the AUV where it likes; but it pays p_t for each slot t in which it is named, and μ_kt(x)
@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.bounds.deadline import check_time
-from iout_marl.bounds.field import Field
+from iout_marl.bounds.finite_game import FiniteGame
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -51,7 +51,7 @@ class Programme:
         oldest: age from which on none are told apart.
     """
 
-    def __init__(self, field: Field, oldest: int) -> None:
+    def __init__(self, field: FiniteGame, oldest: int) -> None:
         assert field.tables.both is None
         self._field = field
         scenario = field.scenario
@@ -162,13 +162,13 @@ class Programme:
         return Wish(total, path, named)
 
 
-def oldest_age(field: Field, per_node: int = OLDEST_PER_NODE) -> int:
+def oldest_age(field: FiniteGame, per_node: int = OLDEST_PER_NODE) -> int:
     """Up to which age nodes are told apart."""
     scenario = field.scenario
     return max(2, min(per_node * scenario.num_nodes, scenario.age.maximum))
 
 
-def fits(field: Field) -> bool:
+def fits(field: FiniteGame) -> bool:
     """Whether the programme fits into memory."""
     states = len(field.next_cells) * field.num_levels * (oldest_age(field) + 1)
     return states * (field.scenario.num_slots + 1) <= MOST_STATES

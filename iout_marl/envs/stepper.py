@@ -11,7 +11,7 @@ from iout_marl.tracing.unrolled import Numbers, UnrolledSlot, numbers
 from iout_marl.world import Events, State, World
 
 
-class Play(Protocol):
+class Stepper(Protocol):
     """Episodes in the course of being played."""
 
     @property
@@ -45,7 +45,7 @@ class Play(Protocol):
         ...
 
 
-class BatchedPlay:
+class ArrayStepper:
     """Any number of episodes, by arrays."""
 
     def __init__(self, world: World, state: State, events: Events | None) -> None:
@@ -72,7 +72,7 @@ class BatchedPlay:
         return array
 
 
-class UnrolledPlay:
+class TracedStepper:
     """A single episode, number by number; arrays are made of what is asked for."""
 
     def __init__(

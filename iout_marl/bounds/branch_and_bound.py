@@ -1,7 +1,7 @@
-"""The opening bound: every way to begin an episode, with what must follow at least.
+"""The branch-and-bound bound: every way to begin an episode, with what must follow at least.
 
 At the start no node has energy, and the AUV is where it is: what can be delivered in the
-first slots is little. Layer by layer, slot by slot, all states of the game of `Field` are
+first slots is little. Layer by layer, slot by slot, all states of the game of `FiniteGame` are
 listed that can still end below a target; what follows a state costs at least what
 scheduling alone would, `least_remaining_ages`. Once no state is left, no policy ends below
 the target.
@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.bounds.deadline import OutOfTime, check_time
-from iout_marl.bounds.field import Field
+from iout_marl.bounds.finite_game import FiniteGame
 from iout_marl.bounds.scheduling import least_remaining_ages
 
 Integers = npt.NDArray[np.int64]
@@ -36,7 +36,7 @@ class Layer(NamedTuple):
 
     cell: Integers  # (states,)
     ages: Integers  # (states, nodes) in slots
-    levels: Integers  # (states, nodes) stored energies, see `Field`
+    levels: Integers  # (states, nodes) stored energies, see `FiniteGame`
     total: Integers  # (states,) sum of ages so far
     least: Integers  # (states,) least sum of ages at the end of the episode
 
@@ -45,7 +45,7 @@ class Layer(NamedTuple):
         return Layer(*(array[rows] for array in self))
 
 
-def first_layer(field: Field) -> Layer:
+def first_layer(field: FiniteGame) -> Layer:
     """The start of an episode."""
     scenario = field.scenario
     ages = np.full((1, scenario.num_nodes), scenario.age.initial, dtype=np.int64)
@@ -59,7 +59,7 @@ def first_layer(field: Field) -> Layer:
 
 
 def next_layer(
-    field: Field, layer: Layer, slot: int, target: int, deadline: float = math.inf
+    field: FiniteGame, layer: Layer, slot: int, target: int, deadline: float = math.inf
 ) -> Layer:
     """All states that one slot leads to and that may end below the target; some may be alike.
 
@@ -94,7 +94,7 @@ def next_layer(
     return Layer(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
-def _with_energy(field: Field, layer: Layer, heard: int | None) -> list[Layer]:
+def _with_energy(field: FiniteGame, layer: Layer, heard: int | None) -> list[Layer]:
     """The states after every choice of whom to charge, where the node heard can pay."""
     charge, deliver, both = field.tables
     nodes = range(field.scenario.num_nodes)
@@ -109,7 +109,7 @@ def _with_energy(field: Field, layer: Layer, heard: int | None) -> list[Layer]:
     return [_moved(field, layer, heard, both), *others]
 
 
-def _moved(field: Field, layer: Layer, node: int, table: Integers) -> Layer:
+def _moved(field: FiniteGame, layer: Layer, node: int, table: Integers) -> Layer:
     """The states with one node's level moved as a table says, where it says anything."""
     level = table[node, layer.cell, layer.levels[:, node]]
     levels = layer.levels.copy()
@@ -117,7 +117,7 @@ def _moved(field: Field, layer: Layer, node: int, table: Integers) -> Layer:
     return layer._replace(levels=levels).at(level < field.num_levels)
 
 
-def _least(field: Field, total: Integers, ages: Integers, slots_over: int) -> Integers:
+def _least(field: FiniteGame, total: Integers, ages: Integers, slots_over: int) -> Integers:
     scenario = field.scenario
     left = scenario.num_slots - slots_over
     return total + least_remaining_ages(ages, left, scenario.age.maximum, 1)
@@ -149,7 +149,7 @@ def without_worse(layer: Layer, deadline: float = math.inf) -> Layer:
     return layer
 
 
-def search(field: Field, proven: int, best_known: int, seconds: float) -> int:
+def search(field: FiniteGame, proven: int, best_known: int, seconds: float) -> int:
     """The highest sum of ages found below which no policy ends.
 
     Args:
@@ -173,7 +173,7 @@ def search(field: Field, proven: int, best_known: int, seconds: float) -> int:
     return proven
 
 
-def _reached(field: Field, target: int, deadline: float) -> int:
+def _reached(field: FiniteGame, target: int, deadline: float) -> int:
     """The target, or what is left of it when layers grow too wide or time is over."""
     layer = first_layer(field)
     for slot in range(field.scenario.num_slots):

@@ -1,4 +1,4 @@
-"""The sharing bound once more, in whole numbers, from the prices alone."""
+"""The Lagrangian bound once more, in whole numbers, from the prices alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The opening bound once more: every way through the first slots, in whole numbers."""
+"""The branch-and-bound bound once more: every way through the first slots, in whole numbers."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def oldest_first(ages: Rows, num_slots: int, maximum: int, resets: int) -> Integ
     return total
 
 
-def check_opening(scenario: Scenario, game: Game, target: int) -> None:
+def check_branch_and_bound(scenario: Scenario, game: Game, target: int) -> None:
     """See that every way through the first slots comes to nothing below the target.
 
     Raises:

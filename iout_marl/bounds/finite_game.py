@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.bounds.energy import COARSE, Ladder, ladder_j, make_tables, tolerance_j
+from iout_marl.bounds.energy import COARSE, LevelSpacing, energy_levels_j, make_tables, tolerance_j
 from iout_marl.core.levels import Tables
 from iout_marl.scenario import Scenario
 from iout_marl.world import World, node_codes
@@ -17,7 +17,7 @@ Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Field:
+class FiniteGame:
     """What the bounds by energy and travel need to know of a scenario.
 
     The game that it describes is never harder than the world: whatever a policy does there
@@ -25,7 +25,7 @@ class Field:
 
     Attributes:
         scenario: the scenario.
-        levels_j: (levels,) the ladder of stored energies in J.
+        levels_j: (levels,) the stored energies in J.
         tables: what a slot does to a node's level, (nodes, cells, levels).
         next_cells: (cells, directions) the cell that each direction leads to.
         start: the cell in which the AUV starts.
@@ -40,8 +40,8 @@ class Field:
     distance_m: Floats
 
     @classmethod
-    def of(cls, scenario: Scenario, ladder: Ladder = COARSE) -> Field:
-        """The game of a scenario that `check_game.is_covered`, with energies on that ladder."""
+    def from_scenario(cls, scenario: Scenario, spacing: LevelSpacing = COARSE) -> FiniteGame:
+        """The game of a scenario that `check_game.is_covered`, with energies on that spacing."""
         world = World(scenario)
         cells = world.grid.encode(world.grid.all_coordinates())
         index = np.zeros(world.grid.num_codes, dtype=np.int64)
@@ -49,7 +49,7 @@ class Field:
         state = world.reset(node_codes(scenario, world.grid, [np.random.default_rng(0)]))
         offset = world.link.offset(cells[None, :], state.node_cell[0][:, None])
         harvest_j = float(world.link.at(world.link.harvested_w, offset).max()) * world.link.slot_s
-        levels_j = ladder_j(ladder, harvest_j)
+        levels_j = energy_levels_j(spacing, harvest_j)
         return cls(
             scenario=scenario,
             levels_j=levels_j,

@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 
 from iout_marl import iout_v0
-from iout_marl.envs.episodes import Episodes
-from iout_marl.envs.play import BatchedPlay, UnrolledPlay
+from iout_marl.envs.episodes import EpisodeBatch
+from iout_marl.envs.stepper import ArrayStepper, TracedStepper
 from iout_marl.scenario import load_scenario
 
 
 @pytest.mark.parametrize("mask", ["none", "info"])
 @pytest.mark.parametrize("name", ["paper/k5-fdd", "best/k5-tdd", "multi/m3-k10-fdd"])
 def test_number_by_number_is_as_by_arrays(name, mask):
-    episodes = Episodes(load_scenario(name, {"observation.action_mask": mask}))
+    episodes = EpisodeBatch(load_scenario(name, {"observation.action_mask": mask}))
     episodes.reset([3])
-    unrolled = episodes._play
-    assert isinstance(unrolled, UnrolledPlay)
-    batched = BatchedPlay(episodes.world, episodes.current, None)
+    unrolled = episodes._stepper
+    assert isinstance(unrolled, TracedStepper)
+    batched = ArrayStepper(episodes.world, episodes.current, None)
     rng = np.random.default_rng(0)
     for _ in range(20):
         shape = (1, episodes.world.num_auvs)
@@ -41,9 +41,9 @@ def test_number_by_number_is_as_by_arrays(name, mask):
 
 @pytest.mark.parametrize(
     ("name", "auvs", "kind"),
-    [("paper/k10-fdd", 1, UnrolledPlay), ("multi/m4-k10-fdd", 5, BatchedPlay)],
+    [("paper/k10-fdd", 1, TracedStepper), ("multi/m4-k10-fdd", 5, ArrayStepper)],
 )
 def test_environments_are_played_the_faster_way(name, auvs, kind):
     env = iout_v0.parallel_env(load_scenario(name, {"auvs.count": auvs}))
     env.reset(seed=0)
-    assert isinstance(env._episodes._play, kind)
+    assert isinstance(env._episodes._stepper, kind)

@@ -14,7 +14,7 @@ from iout_marl.world import World
 
 
 @dataclass(frozen=True)
-class Episode:
+class Trajectory:
     """One episode; cells, AUVs and nodes are counted from 1.
 
     Attributes:
@@ -38,7 +38,7 @@ class Episode:
     ages: list[list[int]]
 
     def to_json(self) -> dict[str, Any]:
-        """The episode as JSON has it; `Episode(**…)` reads it back."""
+        """The episode as JSON has it; `Trajectory(**…)` reads it back."""
         return asdict(self)
 
 
@@ -48,7 +48,7 @@ def record_episode(
     seed: int = 0,
     *,
     overrides: Overrides = None,
-) -> Episode:
+) -> Trajectory:
     """Play one episode, the first of those of `evaluate`, and keep it all.
 
     Args:
@@ -72,7 +72,7 @@ def record_episode(
         heard.append(np.where(splits_slot & (beta == 1), 0, events.heard[0] + 1).tolist())
         delivered.append(events.delivered[0].tolist())
         ages.append(state.age[0].astype(int).tolist())
-    return Episode(
+    return Trajectory(
         list(scenario.grid.cells),
         scenario.grid.spacing_m,
         nodes,
