@@ -73,7 +73,7 @@ class Minibatches:
     def _advantages(
         self, advantage: Tensor, minibatches: Sequence[tuple[Tensor, int]]
     ) -> list[Tensor]:
-        """The advantages of each minibatch, with mean 0 and standard deviation 1 over all of its samples."""
+        """Those of each minibatch, with mean 0 and standard deviation 1 over all its samples."""
         parts = [_take(advantage, index) for index, _ in minibatches]
         if not self._settings.normalise_advantage:
             return parts

@@ -17,7 +17,7 @@ _AHEAD, _AHEAD_OF_ALL = 1024, 2**22
 _FEW = 2**32
 #: What streams are for: they have the same seed, but nothing in common.
 _UNIFORM, _OTHER, _COMMON = range(3)
-#: Distributions of which a draw is more than one number, or its parameters are not those of one number.
+#: Distributions whose draws, or whose parameters, are not one number each.
 _NOT_BY_NUMBER = ("dirichlet", "multinomial", "multivariate_hypergeometric", "multivariate_normal")
 
 

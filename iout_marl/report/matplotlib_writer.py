@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _DPI = 160
 _WIDTH_IN = 7.4
-#: The parts of a trajectory's picture: the map from above, the view from the side, the colours of slots.
+#: A trajectory's picture: the map from above, the view from the side, the colours of slots.
 _MAP: style.Box = (44, 44, 360, 360)
 _SLOTS: style.Box = (416, 44, 8, 360)
 _PROFILE: style.Box = (500, 210, 224, 194)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from iout_marl import report
+from iout_marl import paper
 from iout_marl.physics import (
     approximate_required_energy_j,
     harvested_energy_j,
@@ -23,7 +23,7 @@ from iout_marl.physics import (
     transmit_power_w,
 )
 
-REFERENCE = Path(report.__file__).parent / "data" / "energy_table.csv"
+REFERENCE = Path(paper.__file__).parent / "data" / "energy_table.csv"
 SLOT_S, PACKET_BITS, BANDWIDTH_HZ, NOISE_DB = 25, 100, 3000, 30
 SOURCE_DB, SENSITIVITY_DB, LOAD_OHM = 220.8, -150, 125
 CODE_HARVESTER = {"efficiency": 0.7, "hydrophones": 2}

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from oracle import Oracle, Sound, ambient_noise_db, francois_garrison, thorp
 
-from iout_marl import report
+from iout_marl import paper
 from iout_marl.scenario import load_scenario
 
 REFERENCE = Path(__file__).parents[1] / "reference"
@@ -18,7 +18,7 @@ WATER = {  # temperature in °C, salinity in psu, depth in m, pH
 WIND_M_PER_S = {f"Wenz-Coates shipping .5 wind {wind} m/s": wind for wind in (0, 5, 10)}
 
 
-PRINTED = Path(report.__file__).parent / "data" / "energy_table.csv"
+PRINTED = Path(paper.__file__).parent / "data" / "energy_table.csv"
 
 
 def rows(path):
