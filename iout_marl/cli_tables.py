@@ -11,7 +11,9 @@ from rich.text import Text
 from iout_marl.errors import printable
 from iout_marl.evaluation import Evaluation
 from iout_marl.metrics import Metric, described
-from iout_marl.terminal import present
+from iout_marl.outlook import energy_outlook
+from iout_marl.scenario import Scenario
+from iout_marl.terminal import complain, present
 from iout_marl.words import counted, listed
 
 #: Policies that a table has a column for each of; of more it tells the spread.
@@ -101,3 +103,9 @@ def _cell(result: Evaluation, metric: Metric) -> str:
     estimate = result.metrics[metric.name]
     spread = f" ± {estimate.margin:.{metric.digits}f}" if result.episodes > 1 else ""
     return f"{estimate.mean:.{metric.digits}f}{spread}"
+
+
+def say_outlook(scenario: Scenario) -> None:
+    """Beside results, on standard error: what is refused is answered by one line alone."""
+    if outlook := energy_outlook(scenario):
+        complain(f"note: {outlook}")

@@ -11,16 +11,17 @@ if TYPE_CHECKING:
     from trainers.ppo import Trainer
     from trainers.runs.folder import RunFolder
     from trainers.trained import TrainedPolicy
-    from trainers.training import DivergedError, TrainingOutcome, TrainingRun, find_device, train
+    from trainers.training import TrainingOutcome, find_device, train
+    from trainers.training_run import DivergedError, TrainingRun
 
 _MODULES = {
     "Callback": "trainers.callbacks",
-    "DivergedError": "trainers.training",
+    "DivergedError": "trainers.training_run",
     "ProcessGroup": "trainers.accel.processes",
     "RunFolder": "trainers.runs.folder",
     "TrainedPolicy": "trainers.trained",
     "Trainer": "trainers.ppo",
-    "TrainingRun": "trainers.training",
+    "TrainingRun": "trainers.training_run",
     "TrainingOutcome": "trainers.training",
     "find_device": "trainers.training",
     "started_group": "trainers.accel.processes",

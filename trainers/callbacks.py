@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from trainers.training import TrainingRun
+    from trainers.training_run import TrainingRun
 
 
 class Callback:

@@ -21,7 +21,7 @@ from trainers.runs.folder import RunFolder
 from trainers.runs.metrics import damaged_lines, read_rows, row
 
 if TYPE_CHECKING:
-    from trainers.training import TrainingRun
+    from trainers.training_run import TrainingRun
 
 #: Metrics that the terminal shows, by the name of their field.
 _SHOWN = {"aoi": described("mean_aoi"), "jain": described("jain"), "kj": described("harvested_kj")}

@@ -17,7 +17,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from iout_marl import InputError
 from iout_marl.scenario import Training
-from trainers import DivergedError, RunFolder, Trainer, train, training
+from trainers import DivergedError, RunFolder, Trainer, train, training_run
 from trainers.runs import saving
 
 RANDOM_NODES = {"kind": "random", "count": 2}
@@ -300,7 +300,7 @@ def test_steps_that_are_no_multiple_of_a_rollout(tmp_path, run, monkeypatch, ste
     assert whole.trainer.env_steps == 560
     complete = (tmp_path / "run/result.json").read_bytes()
     with monkeypatch.context() as patch:
-        patch.setattr(training, "evaluate", lambda *_, **__: crash())
+        patch.setattr(training_run, "evaluate", lambda *_, **__: crash())
         with pytest.raises(CrashError):
             run(tmp_path / "killed", changes)
     assert not (tmp_path / "killed/result.json").exists()
@@ -314,14 +314,14 @@ def test_steps_that_are_no_multiple_of_a_rollout(tmp_path, run, monkeypatch, ste
 
 
 def test_signal_before_the_first_iteration(tmp_path, run, monkeypatch):
-    begin = training.TrainingLog.on_start
+    begin = training_run.TrainingLog.on_start
 
     def stop_and_begin(log, going):
         signal.raise_signal(signal.SIGTERM)
         begin(log, going)
 
     with monkeypatch.context() as patch:
-        patch.setattr(training.TrainingLog, "on_start", stop_and_begin)
+        patch.setattr(training_run.TrainingLog, "on_start", stop_and_begin)
         stopped = run(tmp_path / "stopped")
     assert (stopped.finished, stopped.signal) == (False, signal.SIGTERM)
     assert stopped.trainer.env_steps == 0
@@ -337,7 +337,7 @@ def test_signal_during_the_final_evaluation(tmp_path, run, monkeypatch, number):
         raise AssertionError("the evaluation continues")
 
     with monkeypatch.context() as patch:
-        patch.setattr(training, "evaluate", stop)
+        patch.setattr(training_run, "evaluate", stop)
         stopped = run(tmp_path / "stopped")
     assert (stopped.finished, stopped.signal, stopped.evaluations) == (False, number, [])
     assert stopped.trainer.env_steps == 560

@@ -12,7 +12,7 @@ from tiny_study import with_training
 
 from iout_marl import InputError
 from iout_marl.study.worker import run_cell
-from trainers import train, training
+from trainers import train, training_run
 
 
 @pytest.mark.parametrize(
@@ -24,13 +24,13 @@ from trainers import train, training
 def test_sampled_and_most_probable_actions_that_differ_much(
     iout, tiny_settings, tmp_path, monkeypatch, ages, is_noted, replicas
 ):
-    evaluate = training.evaluate
+    evaluate = training_run.evaluate
 
     def evaluate_to_ages(*args, **options):
         found = evaluate(*args, **options)
         return dataclasses.replace(found, samples={**found.samples, "mean_aoi": np.array(ages)})
 
-    monkeypatch.setattr(training, "evaluate", evaluate_to_ages)
+    monkeypatch.setattr(training_run, "evaluate", evaluate_to_ages)
     run = tmp_path / "a run"
     words = ["train", "best/k3-fdd", *tiny_settings, "--out", run, "--replicas", replicas]
     status, out, err = iout(*words)
