@@ -76,13 +76,24 @@ class Perceptron(nn.Sequential):
         self._activation = activation
         #: Weight and bias of each layer: modules take their time to look for them.
         self._in_order = list(self.parameters())
+        self._of_lone: list[Tensor] = []
 
     def forward(self, inputs: Tensor) -> Tensor:
         """(…, entries) to (…, outputs), whose samples lie along the last axis of memory."""
-        replicas = inputs.shape[: self._in_order[0].ndim - 2]
+        parameters: Sequence[Tensor] = self._in_order
+        if parameters[0].shape[:-2] == (1,) and not torch.is_grad_enabled():
+            parameters = self._lone_parameters()
+        replicas = inputs.shape[: parameters[0].ndim - 2]
         samples = inputs.reshape(*replicas, -1, inputs.shape[-1]).mT
-        result = ops.perceptron(samples, self._in_order, self._activation).mT
+        result = ops.perceptron(samples, parameters, self._activation).mT
         return result.reshape(*inputs.shape[:-1], result.shape[-1])
+
+    def _lone_parameters(self) -> list[Tensor]:
+        """The parameters of a lone policy without the axis of policies: matrices take less time."""
+        first = self._in_order[0]
+        if not self._of_lone or self._of_lone[0].data_ptr() != first.data_ptr():
+            self._of_lone = [parameter.detach()[0] for parameter in self._in_order]
+        return self._of_lone
 
 
 def perceptron(

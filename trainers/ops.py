@@ -32,8 +32,23 @@ def perceptron(inputs: Tensor, parameters: Sequence[Tensor], activation: str) ->
     Returns:
         (…, outputs, samples).
     """
+    if not torch.is_grad_enabled():
+        return _layers(inputs, parameters, activation)[1]
     result: Tensor = _Perceptron.apply(activation, inputs, *parameters)  # type: ignore[no-untyped-call]
     return result
+
+
+def _layers(
+    inputs: Tensor, parameters: Sequence[Tensor], activation: str
+) -> tuple[list[Tensor], Tensor]:
+    """What each layer sees, and the result."""
+    seen = [inputs]
+    for weight, bias in zip(parameters[::2], parameters[1::2], strict=True):
+        result = weight @ seen[-1]
+        result += bias[..., None]
+        if len(seen) < len(parameters) // 2:
+            seen.append(result.tanh_() if activation == "tanh" else result.relu_())
+    return seen, result
 
 
 def reference_perceptron(inputs: Tensor, parameters: Sequence[Tensor], activation: str) -> Tensor:
@@ -65,12 +80,7 @@ class _Perceptron(torch.autograd.Function):
         if ctx.is_lone:
             inputs = inputs.squeeze(0)
             parameters = tuple(each.squeeze(0) for each in parameters)
-        seen = [inputs]
-        for weight, bias in zip(parameters[::2], parameters[1::2], strict=True):
-            result = weight @ seen[-1]
-            result += bias[..., None]
-            if len(seen) < len(parameters) // 2:
-                seen.append(result.tanh_() if activation == "tanh" else result.relu_())
+        seen, result = _layers(inputs, parameters, activation)
         ctx.activation = activation
         ctx.save_for_backward(*seen, *parameters[::2])
         return result[None] if ctx.is_lone else result
