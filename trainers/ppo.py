@@ -28,7 +28,7 @@ from trainers.timing import PhaseTimer
 
 
 class Trainer(BaseTrainer):
-    __doc__ = BaseTrainer.__doc__
+    """Trains by PPO: its arguments and attributes are those of `BaseTrainer`."""
 
     def iterate(self) -> dict[str, float]:
         """`iterate_all` for a lone policy."""
