@@ -111,6 +111,15 @@ Term: TypeAlias = Annotated[Real, Plausible(-1e6, 1e6)]
 Slots: TypeAlias = Annotated[Count, Plausible(1, 1_000_000, "slots")]
 
 
+def _hashable(value: Any) -> Any:
+    """What is hashed for a value of a setting: equal ones have equal hashes."""
+    if isinstance(value, dict):
+        return frozenset((key, _hashable(each)) for key, each in value.items())
+    if isinstance(value, list | tuple):
+        return tuple(map(_hashable, value))
+    return value
+
+
 class Section(BaseModel):
     """A section of a scenario: immutable, strictly typed, without unknown keys."""
 
@@ -122,6 +131,10 @@ class Section(BaseModel):
     #: Keys that came after hashes had been published, with the values that mean as before:
     #: those leave the hash as it was.
     hash_defaults: ClassVar[dict[str, Any]] = {}
+
+    def __hash__(self) -> int:
+        # Parts from outside may have lists and mappings among their settings.
+        return hash((type(self), *map(_hashable, self.__dict__.values())))
 
     @field_validator("*")
     @classmethod

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from tiny_study import TINY, write_study
 
-from iout_marl import InputError, World, load_policy, load_scenario, outside, parts
+from iout_marl import InputError, Trainer, World, load_policy, load_scenario, outside, parts
 from iout_marl.scenario import to_yaml
 
 MINE = '''
@@ -264,3 +264,24 @@ def test_no_file_makes_code_run(tmp_path, refused):
     (tmp_path / "evil.yaml").write_text("extends: paper/k3-fdd\nimport: evil\n")
     assert "import: unknown key" in refused("show", "evil.yaml")
     assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.usefixtures("forgotten_parts")
+@pytest.mark.parametrize(
+    ("annotation", "value"),
+    [(dict[str, float], {"a": 1.0}), (list[int], [1, 2]), (dict[str, list[int]], {"a": [1]})],
+    ids=["a mapping", "a list", "lists in a mapping"],
+)
+def test_settings_of_any_type_can_be_trained_with(tiny, annotation, value):
+    @parts.rewards.register("of_any_type", version=1)
+    class OfAnyType(parts.Reward):
+        class Settings(parts.Settings):
+            value: annotation
+
+        def __call__(self, state, events):
+            return {"age": -self.xp.max(state.age, axis=-1, keepdims=True)}
+
+    scenario = tiny({"reward": {"kind": "of_any_type", "value": value}})
+    assert hash(scenario) == hash(load_scenario(scenario.model_dump()))
+    assert scenario == load_scenario(scenario.model_dump())
+    Trainer(scenario).iterate()

@@ -64,7 +64,7 @@ def learnt(tiny):
 
 def test_learns_a_tiny_task(learnt):
     trainer, _ = learnt
-    metrics = evaluate(trainer.scenario, TrainedPolicy(trainer.network), 1).metrics
+    metrics = evaluate(trainer.scenario, trainer.policy(), 1).metrics
     chance = evaluate(trainer.scenario, "random-walk", 200).metrics
     # Taking turns is best: ages of 1 and 2 at any time.
     assert metrics["mean_aoi"].mean < 1.6
@@ -92,31 +92,30 @@ def test_loss_is_the_sum_of_its_terms(tiny):
 
 
 def test_losses_are_those_of_the_clipped_surrogate(tiny):
-    scenario = tiny({"training.clip": 0.1, "training.mask_actions": True})
+    scenario = tiny(
+        {"training.clip": 0.1, "training.mask_actions": True, "training.minibatches": 1}
+    )
     trainer, _ = trained(scenario, iterations=1)
-    rollout = trainer.collector.collect(trainer.network, 10, use_mask=True)
+    rollout = trainer.collector.collect(trainer.network, 20, use_mask=True)
     rng = np.random.default_rng(0)
     samples = rollout.value.numel()
-    batch = {
-        "inputs": rollout.inputs.flatten(0, 2),
-        "action": rollout.action.flatten(0, 2),
-        "mask": rollout.mask.flatten(0, 2),
-        # As if the policy had moved since: some ratios are clipped, some are not.
-        "log_probability": rollout.log_probability.flatten()
-        + torch.from_numpy(rng.normal(0, 0.2, samples)).float(),
-        "returns": torch.from_numpy(rng.normal(0, 1, samples)).float(),
-    }
-    raw = torch.from_numpy(rng.normal(3, 2, samples)).float()
-    (batch["advantage"],) = trainer._normalised(raw, [(torch.arange(samples), samples)])
+    data = rollout.samples()
+    # As if the policy had moved since: some ratios are clipped, some are not.
+    data["log_probability"] += torch.from_numpy(rng.normal(0, 0.2, (1, samples))).float()
+    data["returns"] = torch.from_numpy(rng.normal(0, 1, (1, samples))).float()
+    raw = torch.from_numpy(rng.normal(3, 2, (1, samples))).float()
+    minibatches = trainer.minibatches.cut({**data, "advantage": raw}, torch.arange(samples)[None])
+    ((batch, counted),) = minibatches
+    assert counted == samples
     with torch.no_grad():
-        scores = trainer.network.logits(batch["inputs"], batch["mask"])
-        policy = trainer.network.log_probabilities(scores)
+        logits = trainer.network.logits(batch["inputs"], batch["mask"])
+        policy = trainer.network.log_probabilities(logits)
         value = trainer.network.normalised_value(batch["inputs"])
         now = trainer.network.log_probability(policy, batch["action"])
     found = {k: float(v) for k, v in trainer._step(batch, samples, 1e-3).items()}
 
-    ratio = (now - batch["log_probability"]).exp().tolist()
-    advantage = ((raw - raw.mean()) / raw.std()).tolist()
+    ratio = (now - batch["log_probability"]).exp().flatten().tolist()
+    advantage = ((raw - raw.mean()) / raw.std()).flatten().tolist()
     surrogate = [
         min(r * a, min(max(r, 0.9), 1.1) * a) for r, a in zip(ratio, advantage, strict=True)
     ]
@@ -144,21 +143,26 @@ def test_running_scaler_takes_in_every_rollout(tiny):
     scenario = tiny({"training.observation_scaling": "running"})
     trainer, _ = trained(scenario, iterations=1)
     twin = Trainer(scenario)
-    seen = twin.simulation.collect(twin.network, 20, use_mask=False).observation.flatten(0, 2)
+    seen = twin.collector.collect(twin.network, 20, use_mask=False).observation.flatten(0, 3)
     scaler = trainer.network.scaler
     assert scaler.count == 80
-    torch.testing.assert_close(scaler.shift, seen.mean(0))
-    torch.testing.assert_close(scaler.scale, seen.std(0, correction=0).clamp_min(1e-4))
+    torch.testing.assert_close(scaler.shift[0], seen.mean(0))
+    torch.testing.assert_close(scaler.scale[0], seen.std(0, correction=0).clamp_min(1e-4))
 
 
 def test_every_sample_is_learnt_from_once_an_epoch(tiny):
     trainer = Trainer(tiny({"training.minibatches": 3}))
-    epochs = [list(trainer._minibatches(trainer._order(80))) for _ in range(2)]
+    data = {"number": torch.arange(80)[None], "advantage": torch.zeros(1, 80)}
+    epochs = [
+        list(trainer.minibatches.cut(data, order)) for order in trainer.minibatches.orders(20)
+    ]
+    assert len(epochs) == trainer.settings.epochs > 1
     for epoch in epochs:
-        assert [(len(part), samples) for part, samples in epoch] == [(27, 27), (27, 27), (26, 26)]
-        order = torch.cat([part for part, _ in epoch])
+        found = [(batch["number"].shape[-1], samples) for batch, samples in epoch]
+        assert found == [(27, 27), (27, 27), (26, 26)]
+        order = torch.cat([batch["number"][0] for batch, _ in epoch])
         assert torch.equal(order.sort().values, torch.arange(80))
-    assert not torch.equal(epochs[0][0][0], epochs[1][0][0])
+    assert not torch.equal(epochs[0][0][0]["number"], epochs[1][0][0]["number"])
 
 
 @pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
@@ -249,7 +253,7 @@ def test_metrics_of_episodes_are_logged_only_where_some_ended(tiny):
 )
 def test_trained_policy_plays_as_its_network_does_in_the_environment(tiny, changes):
     trainer, _ = trained(tiny(changes), iterations=5)
-    network, use_mask = trainer.network, trainer.settings.mask_actions
+    network, use_mask = trainer.policy().network, trainer.settings.mask_actions
     policy = TrainedPolicy(network, use_mask=use_mask)
     evaluation = evaluate(trainer.scenario, policy, episodes=3, seed=5)
 
@@ -266,8 +270,8 @@ def test_trained_policy_plays_as_its_network_does_in_the_environment(tiny, chang
             masks = np.stack([infos[a]["action_mask"] for a in env.agents]) > 0
             mask = torch.from_numpy(masks) if use_mask else None
             with torch.no_grad():
-                scores = network.logits(network.scaler(stacked), mask)
-            chosen = scores.argmax(-1).numpy()
+                logits = network.logits(network.scaler(stacked), mask)
+            chosen = logits.argmax(-1).numpy()
             actions = dict(zip(env.agents, chosen, strict=True))
             observations, rewards, _, _, infos = env.step(actions)
             total += np.mean(list(rewards.values()))
@@ -281,17 +285,18 @@ def test_policy_trained_with_masks_plays_with_them(tiny):
     world = World(trainer.scenario)
     state = world.reset(node_codes(trainer.scenario, world.grid, [None]))
     down = 5  # out of the grid of one layer
+    network = trainer.policy().network
     with torch.no_grad():
-        trainer.network.actor[-1].bias[down] = 100
+        network.actor[-1].bias[down] = 100
     for use_mask in (False, True):
-        policy = TrainedPolicy(trainer.network, use_mask=use_mask)
+        policy = TrainedPolicy(network, use_mask=use_mask)
         direction = policy.act(world, state, np.random.default_rng(0))[0, 0, 0]
         assert (direction == down) != use_mask
 
 
 def test_stochastic_policy_samples_from_the_stream_of_the_evaluation(tiny):
     trainer, _ = trained(tiny(), iterations=1)
-    policy = TrainedPolicy(trainer.network, sampled=True)
+    policy = TrainedPolicy(trainer.policy().network, sampled=True)
     first, second = (evaluate(trainer.scenario, policy, 4, seed=s) for s in (0, 0))
     other = evaluate(trainer.scenario, policy, 4, seed=1)
     assert np.array_equal(first.samples["reward"], second.samples["reward"])
