@@ -7,6 +7,7 @@ import functools
 import logging
 import re
 import tempfile
+import time
 import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -25,6 +26,8 @@ from iout_marl.study.worker import Output, run_cell
 CONNECT_S = 10
 #: Seconds that taking leave of it may take.
 CLOSE_S = 3
+#: Seconds in which a client notices that its scheduler has gone.
+NOTICE_S = 10.0
 
 
 class LostClusterError(InputError):
@@ -135,6 +138,7 @@ class DaskCluster:
 
     def _outcome(self, future: Any) -> Output | Exception:
         from distributed import CancelledError
+        from distributed.comm import CommClosedError
 
         if future.status in ("finished", "error"):
             try:
@@ -142,6 +146,13 @@ class DaskCluster:
                 return _same_software(future.result()) if error is None else error
             except CancelledError:
                 pass
+            except CommClosedError as error:
+                # The client takes a moment to see that it was the scheduler's end, not a worker's.
+                deadline = time.monotonic() + NOTICE_S
+                while self._client.status == "running":
+                    if time.monotonic() > deadline:
+                        return error
+                    time.sleep(0.05)
             # What a worker sends may not be readable here.
             except Exception as error:
                 if self._client.status == "running":

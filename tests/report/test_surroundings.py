@@ -16,7 +16,7 @@ from report_sample import BARS
 
 from iout_marl import World, load_scenario
 from iout_marl.render import Snapshot, as_picture
-from iout_marl.render.fonts import DEFAULT_BUDGET, fonts_for
+from iout_marl.render.fonts import DEFAULT_FONT, fonts_for
 from iout_marl.report.figure import Axis
 from iout_marl.report.matplotlib_writer import draw
 from iout_marl.world import node_codes
@@ -164,10 +164,10 @@ FOREIGN = "能量"
 def test_a_font_that_has_the_characters_is_found(font):
     first, second = font("能x"), font("量")
     families, instead = fonts_for(f"plain {FOREIGN}")
-    assert families[0] == DEFAULT_BUDGET
+    assert families[0] == DEFAULT_FONT
     assert {first, second} <= set(families)
     assert not instead
-    assert fonts_for("plain")[0] == (DEFAULT_BUDGET,)
+    assert fonts_for("plain")[0] == (DEFAULT_FONT,)
 
 
 def test_signs_without_a_shape_of_their_own_are_left_out_where_no_font_has_them():
