@@ -138,7 +138,7 @@ class DaskCluster:
 
     def _outcome(self, future: Any) -> Output | Exception:
         from distributed import CancelledError
-        from distributed.comm import CommClosedError
+        from distributed.comm.core import CommClosedError
 
         if future.status in ("finished", "error"):
             try:
