@@ -61,6 +61,10 @@ def scenario_reference() -> str:
         for section in key.sections:
             blocks += [f"## `{key.name}`", *_paragraphs(text_of(section))]
             blocks.append(_keys_table(keys(section)))
+            for inner in keys(section):
+                for within in inner.sections:
+                    blocks += [f"### `{key.name}.{inner.name}`", *_paragraphs(text_of(within))]
+                    blocks.append(_keys_table(keys(within)))
     for role in _roles(Scenario):
         blocks += _role(role)
     return "\n".join(f"{block.rstrip()}\n" for block in blocks)

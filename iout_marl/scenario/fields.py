@@ -100,6 +100,7 @@ MAX_NODES, MAX_AUVS = 4_000, 1_000
 
 Frequency: TypeAlias = Annotated[Positive, Plausible(0.1, 1000, "kHz", slips=(1e-3,))]
 Directivity: TypeAlias = Annotated[Decibels, Plausible(-30, 60, "dB")]
+Depth: TypeAlias = Annotated[NonNegative, Plausible(0, 11_000, "m")]
 Spreading: TypeAlias = Annotated[float, Field(ge=0, le=4)]
 Weights: TypeAlias = Annotated[
     tuple[Annotated[NonNegative, Plausible(0, 1e6)], ...],
@@ -131,6 +132,8 @@ class Section(BaseModel):
     #: Keys that came after hashes had been published, with the values that mean as before:
     #: those leave the hash as it was.
     hash_defaults: ClassVar[dict[str, Any]] = {}
+    #: Keys that no result depends on: they are never in the hash.
+    not_hashed: ClassVar[frozenset[str]] = frozenset()
 
     def __hash__(self) -> int:
         # Parts from outside may have lists and mappings among their settings.

@@ -84,6 +84,8 @@ def _property(key: Key, definitions: dict[str, Any]) -> dict[str, Any]:
         values = {"type": "array", "items": place} if key.is_list else place
     elif len(key.sections) == 1:
         values = _section(key.sections[0], definitions)
+        if key.default is None:
+            values = {"anyOf": [values, {"type": "null"}]}
     elif key.sections:
         values = {"anyOf": [_section(model, definitions) for model in key.sections]}
     else:

@@ -88,6 +88,8 @@ def to_yaml(scenario: Scenario) -> str:
     # What came later is shown only where it says something.
     if not scenario.allow_implausible:
         del data["allow_implausible"]
+    if scenario.grid.origin is None:
+        del data["grid"]["origin"]
     if not scenario.observation.entries:
         del data["observation"]["entries"]
     return dump_yaml(data)

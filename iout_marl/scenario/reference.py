@@ -31,6 +31,7 @@ _UNITS = {
     "_cells": "cells",
     "_slots": "slots",
     "_steps": "steps",
+    "_deg": "°",
     "_db": "dB",
     "_hz": "Hz",
     "_c": "°C",
@@ -80,6 +81,8 @@ class Key:
     @property
     def range_text(self) -> str:
         """What its values can be, in words."""
+        if self.sections:
+            return "mapping; or `null`" if self.default is None else "mapping"
         return _in_words(self.values)
 
     @property

@@ -6,7 +6,7 @@ import hashlib
 import itertools
 import json
 import math
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
@@ -69,6 +69,8 @@ class Scenario(Section):
         {"kind": "paper"}, validate_default=True
     )
     training: Training
+
+    not_hashed: ClassVar[frozenset[str]] = frozenset({"name", "description"})
 
     @field_validator("allow_implausible")
     @classmethod
@@ -277,7 +279,7 @@ class Scenario(Section):
         return self._digest("reward", "training", "allow_implausible")
 
     def _digest(self, *without: str) -> str:
-        text = self.model_dump_json(exclude={"name", "description", *without})
+        text = self.model_dump_json(exclude=set(without))
         # Adding 0 makes −0.0, which equals 0.0, the same in writing too.
         data = json.loads(text, parse_float=lambda number: float(number) + 0.0)
         text = json.dumps(_hashed(self, data), sort_keys=True, separators=(",", ":"))
@@ -294,11 +296,12 @@ def _hashed(section: BaseModel, data: Any) -> Any:
                 data[name] = _hashed(inner, data[name])
             elif isinstance(inner, tuple) and inner and isinstance(inner[0], BaseModel):
                 data[name] = [_hashed(*pair) for pair in zip(inner, data[name], strict=True)]
-        defaults = section.hash_defaults if isinstance(section, Section) else {}
+        kind = section if isinstance(section, Section) else Section
+        defaults, left_out = kind.hash_defaults, kind.not_hashed
         data = {
             key: value
             for key, value in data.items()
-            if not (key in defaults and value == defaults[key])
+            if key not in left_out and not (key in defaults and value == defaults[key])
         }
     if version is None:
         return data

@@ -15,6 +15,7 @@ from iout_marl.scenario.fields import (
     Cell,
     Count,
     Decibels,
+    Depth,
     Directivity,
     Efficiency,
     Fraction,
@@ -28,6 +29,19 @@ from iout_marl.scenario.fields import (
 from iout_marl.scenario.parts import PartOf, Settings
 
 
+class Origin(Section):
+    """The place of a grid on Earth, in WGS-84: that of the centre of cell (1, 1, 1)."""
+
+    #: Latitude, north of the equator above 0.
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
+    #: Longitude, east of Greenwich above 0.
+    longitude_deg: Annotated[float, Field(ge=-180, le=180)]
+    #: Depth below the surface of the uppermost layer's centre.
+    depth_m: Depth = 0.0
+    #: Direction of +y clockwise from north; +x lies 90° to its right, and +z points down.
+    bearing_deg: Annotated[float, Field(ge=0, lt=360)] = 0.0
+
+
 class Grid(Section):
     """The water, cut into cubic cells."""
 
@@ -35,6 +49,11 @@ class Grid(Section):
     cells: Annotated[Cell, Plausible(1, 1000, "cells")]
     #: Edge of a cell in m; one slot is the time the AUV takes for it.
     spacing_m: Annotated[Positive, Plausible(0.01, 10_000, "m")]
+    #: Where the grid lies on Earth, which mission files need; null for nowhere. Not part of the
+    #: hash: no result depends on it.
+    origin: Origin | None = None
+
+    not_hashed: ClassVar[frozenset[str]] = frozenset({"origin"})
 
 
 class Auvs(Section):

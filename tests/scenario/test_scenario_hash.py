@@ -35,6 +35,7 @@ LEFT_OUT = {
     "name",
     "description",
     "allow_implausible",
+    "grid.origin",
     "training.preset",
     "training.network",
     "nodes.kind",
@@ -95,10 +96,20 @@ def test_changes_with_the_kind_of_layout():
     assert drawn.world_hash != fixed.world_hash
 
 
-@pytest.mark.parametrize("changes", [{"name": "x"}, {"description": "y"}])
-def test_ignores_names(changes):
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"name": "x"},
+        {"description": "y"},
+        {"grid.origin": {"latitude_deg": 41.2, "longitude_deg": -8.7, "depth_m": 5}},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_ignores_names_and_places(changes):
     scenario = load_scenario("paper/k3-fdd")
-    assert load_scenario(scenario, changes).hash == scenario.hash
+    changed = load_scenario(scenario, changes)
+    assert changed != scenario
+    assert (changed.hash, changed.world_hash) == (scenario.hash, scenario.world_hash)
 
 
 def test_changes_with_what_is_allowed_if_there_is_anything():
