@@ -58,7 +58,7 @@ def evaluate_named(
         InputError: there is no such policy, or a run does not fit the scenario.
     """
     # All are looked up before the first is played, which may take its time.
-    found = [_named(scenario, name, seed, "--policy", transfer=transfer) for name in names]
+    found = [player_named(scenario, name, seed, "--policy", transfer=transfer) for name in names]
     return {
         name: evaluate(own, player, episodes, seed)
         for name, (own, player) in zip(names, found, strict=True)
@@ -105,7 +105,7 @@ def evaluate_all(
         planner = started_planner(layout, starts, budget or DEFAULT_BUDGET, seed, transfer=transfer)
     # All are looked up before the first is played, which may take its time.
     players = [
-        _named(
+        player_named(
             scenario if name in runs and not transfer else layout,
             *(name, seed, "--policy"),
             transfer=transfer,
@@ -136,11 +136,13 @@ def started_planner(
     Raises:
         InputError: one is neither, or does not fit the scenario.
     """
-    named = [_named(scenario, name, seed, "--planner-start", transfer=transfer) for name in starts]
+    named = [
+        player_named(scenario, name, seed, "--planner-start", transfer=transfer) for name in starts
+    ]
     return PlannerPolicy(budget, warm=[policy for _, policy in named])
 
 
-def _named(
+def player_named(
     scenario: Scenario,
     policy: str,
     seed: int,

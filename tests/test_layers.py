@@ -43,6 +43,7 @@ LAYERS = (
         "iout_marl.bounds",
         "iout_marl.trajectory",
         "iout_marl.evaluation",
+        "iout_marl.mission",
         "iout_marl.outlook",
         "iout_marl.policies",
         "iout_marl.testing",

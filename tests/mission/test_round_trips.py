@@ -1,0 +1,173 @@
+"""Every format is read back by its own tools: where vehicles are, and when."""
+
+import csv
+import json
+import math
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from pyproj import Proj
+from readers import READERS
+
+from iout_marl import load_scenario, record_episode
+from iout_marl.mission import FORMATS, Place, Route, format_named, plan_mission, write_mission
+
+START = datetime(2027, 5, 1, 8, tzinfo=UTC)
+ORIGINS = {
+    "porto": {"latitude_deg": 41.18, "longitude_deg": -8.7, "depth_m": 5, "bearing_deg": 30},
+    "antimeridian": {"latitude_deg": -54.2, "longitude_deg": 179.9995, "bearing_deg": 200},
+    "north": {"latitude_deg": 0, "longitude_deg": 0, "depth_m": 40.5},
+}
+SCENARIOS = {
+    # Slots of 28.46… s, in which vehicles also stay, rise and dive.
+    "hover": {
+        "auvs": {"count": 2, "motion": "hover", "speed_m_per_s": 1.3},
+        "grid.spacing_m": 37,
+        "episode.duration_s": 4000,
+    },
+    # Slots shorter than the second that autopilots count in.
+    "quick": {"auvs": {"motion": "hover"}, "grid.spacing_m": 1.5, "episode.duration_s": 60},
+    "tdd": {"duplex": {"kind": "tdd", "frequency_khz": 40}, "episode.duration_s": 1000},
+}
+CASES = [("hover", "porto"), ("hover", "antimeridian"), ("quick", "north"), ("tdd", "north")]
+
+
+@pytest.fixture(scope="module", params=CASES, ids="-".join)
+def planned(request):
+    """A mission, and the cells of each AUV before and after each slot of its episode."""
+    name, origin = request.param
+    changes = {**SCENARIOS[name], "grid.origin": ORIGINS[origin]}
+    scenario = load_scenario("paper/k3-fdd", changes)
+    path = np.array(record_episode(scenario, "random-walk", 3).path)
+    return plan_mission(scenario, "random-walk", 3, START), path.swapaxes(0, 1)
+
+
+def east_north(mission, cell):
+    """Where a cell is, by what the scenario's keys say."""
+    origin = mission.place.origin
+    x, y, z = (np.array(cell) - 1) * mission.place.spacing_m
+    bearing = math.radians(origin.bearing_deg)
+    forward = (math.sin(bearing), math.cos(bearing))  # +y, clockwise from north
+    right = (math.cos(bearing), -math.sin(bearing))
+    east, north = (x * right[i] + y * forward[i] for i in (0, 1))
+    return east, north, origin.depth_m + z
+
+
+def plane(mission, points):
+    """Latitudes and longitudes as metres to the east and north, by a projection of PROJ's."""
+    origin = mission.place.origin
+    projection = Proj(
+        proj="aeqd", lat_0=origin.latitude_deg, lon_0=origin.longitude_deg, ellps="WGS84"
+    )
+    return [
+        (s, *projection(longitude, latitude), depth) for s, latitude, longitude, depth in points
+    ]
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_vehicles_are_where_and_when_they_were_in_the_episode(name, planned, tmp_path):
+    if name == "imc":
+        pytest.importorskip("imcpy", reason="there are wheels for Linux only")
+    mission, paths = planned
+    chosen = format_named(name)
+    write_mission(mission, [chosen], tmp_path)
+    for route, path in zip(mission.routes, paths, strict=True):
+        points = READERS[name](tmp_path / f"auv-{route.auv}{chosen.suffix}", START)
+        if name != "moos":
+            points = plane(mission, points)
+        times, places = np.array(points)[:, 0], np.array(points)[:, 1:]
+        assert (np.diff(times) >= 0).all()
+        # Where it turns, stays, begins and ends.
+        steps = np.diff(path, axis=0)
+        turns = np.flatnonzero((steps[1:] != steps[:-1]).any(axis=1)) + 1
+        slots = [0, *turns, len(steps)]
+        if name in ("csv", "geojson", "gpx", "kml"):
+            assert len(points) == len(slots)
+        for slot in slots:
+            near = np.linalg.norm(places - east_north(mission, path[slot]), axis=1) < 0.1
+            assert abs(times[near] - slot * mission.slot_s).min() <= 1
+        # Between these it goes straight: at the end of every slot it is in its cell.
+        expected = np.array([east_north(mission, cell) for cell in path])
+        ends = np.arange(len(path)) * mission.slot_s
+        found = np.stack([np.interp(ends, times, places[:, i]) for i in range(3)], axis=1)
+        error_m = np.linalg.norm(found - expected, axis=1).max()
+        assert error_m <= (0.1 if chosen.has_times else mission.speed_m_per_s)
+
+
+def test_actions_are_those_of_the_episode(planned, tmp_path):
+    mission, paths = planned
+    write_mission(mission, [format_named("csv")], tmp_path)
+    kept = json.loads((tmp_path / "actions.json").read_text())
+    with (tmp_path / "actions.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    empty = {None: "", True: "true", False: "false"}
+    written = [
+        {k: empty[v] if v is None or v is True or v is False else str(v) for k, v in action.items()}
+        for action in kept["actions"]
+    ]
+    assert rows == written
+    for action in kept["actions"]:
+        cell = paths[action["auv"] - 1][action["slot"]]
+        (place,) = plane(
+            mission, [(0, *(action[k] for k in ("latitude_deg", "longitude_deg", "depth_m")))]
+        )
+        assert math.dist(place[1:], east_north(mission, cell)) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("name", "policy"), [("paper/k3-fdd", "greedy"), ("best/k3-tdd", "greedy")]
+)
+def test_actions_say_whom_and_when(name, policy):
+    mission = plan_mission(name, policy, 0, START)
+    episode = record_episode(name, policy, 0)
+    for slot in range(len(episode.charged)):
+        own = {a.kind: a for a in mission.actions if a.slot == slot + 1}
+        charged, heard = episode.charged[slot][0], episode.heard[slot][0]
+        assert (own["charge"].node if "charge" in own else 0) == charged
+        assert (own["hear"].node if "hear" in own else 0) == heard
+        if heard:
+            assert own["hear"].delivered is episode.delivered[slot][0]
+        begins, ends = slot * mission.slot_s, (slot + 1) * mission.slot_s
+        if "tdd" not in name:
+            assert {(a.start_s, a.end_s) for a in own.values()} == {(begins, ends)}
+            continue
+        # One after the other, without a gap.
+        parts = [(own[k].start_s, own[k].end_s) for k in ("charge", "hear") if k in own]
+        assert parts[0][0] == begins
+        assert parts[-1][1] == ends
+        assert len(parts) == 1 or parts[0][1] == parts[1][0]
+    assert any(a.kind == "hear" and a.delivered for a in mission.actions)
+
+
+def test_directions_on_earth_by_hand():
+    """At 60° north a minute of longitude is half a sea mile, and 1000 m to the east are 0.0179°."""
+    origin = {"latitude_deg": 60, "longitude_deg": 10, "depth_m": 7, "bearing_deg": 90}
+    place = Place(load_scenario("paper/k3-fdd", {"grid.origin": origin}).grid)
+    along_y = place.geodetic([(0.0, 1000.0, 7.0)])[0]
+    assert along_y == pytest.approx([60, 10.017922, 7], abs=2e-6)
+    along_x = place.geodetic([(1000.0, 0.0, 7.0)])[0]  # 90° to the right of east: south
+    assert along_x == pytest.approx([59.991024, 10, 7], abs=2e-6)
+    assert place.local((3, 2, 4)).tolist() == [200, 100, 307]
+
+
+@pytest.mark.parametrize("origin", ORIGINS.values(), ids=ORIGINS)
+def test_degrees_lead_back_to_metres(origin):
+    place = Place(load_scenario("paper/k3-fdd", {"grid.origin": origin}).grid)
+    local = np.random.default_rng(0).uniform(-9000, 9000, (50, 3))
+    assert place.from_geodetic(place.geodetic(local)) == pytest.approx(local, abs=1e-6)
+    cells = np.array([[1, 1, 1], [10, 3, 2], [4, 10, 4]])
+    assert (place.cells(place.local(cells)) == cells).all()
+
+
+def test_straight_runs_are_one_leg_and_a_long_stay_is_one_stay():
+    place = Place(load_scenario("paper/k3-fdd").grid)
+    cells = [(1, 1, 1), (2, 1, 1), (3, 1, 1), (3, 1, 1), (3, 1, 1), (3, 1, 2), (3, 1, 1)]
+    route = Route.from_path(1, np.array(cells), place, 25.0)
+    found = [(w.local, w.arrival_s, w.hold_s, w.speed_m_per_s) for w in route.waypoints]
+    assert found == [
+        ((0, 0, 0), 0, 0, 0),
+        ((200, 0, 0), 50, 50, 4),
+        ((200, 0, 100), 125, 0, 4),
+        ((200, 0, 0), 150, 0, 4),
+    ]
