@@ -29,6 +29,7 @@ from iout_marl.cli_options import (
     whole,
 )
 from iout_marl.cli_policies import evaluate_all, keep_inputs, planner_budget
+from iout_marl.cli_scenario import scenario_app
 from iout_marl.cli_studies import report, reproduce
 from iout_marl.cli_tables import say_outlook, show_columns
 from iout_marl.cli_train import train
@@ -201,6 +202,7 @@ def evaluate_command(
 app.command("bound")(bound_command)
 app.command()(mission)
 app.command()(new)
+app.add_typer(scenario_app, name="scenario")
 app.command()(schema)
 app.command()(reproduce)
 app.command()(report)

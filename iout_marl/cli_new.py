@@ -41,17 +41,27 @@ def new(
     It extends another one, and is as that until it is changed.
     """
     take(imports)
-    if path.suffix not in SUFFIXES:
-        path = path.with_name(f"{path.name}.yaml")
-    if os.path.lexists(path):
-        raise InputError(f"{path}: is there already, and is not written over: name another file")
+    path = new_scenario_file(path)
     found = find_scenario(source)
-    write_text(path, starter(load_scenario(source), _named_in(path, found)).rstrip("\n"))
+    write_text(path, starter(load_scenario(source), named_in(path, found)).rstrip("\n"))
     words = ["iout", "train", str(path), *import_words()]
     present(f"{path}: written; change what you like, then: {shlex.join(words)}")
 
 
-def _named_in(path: Path, scenario: Path) -> str:
+def new_scenario_file(path: Path) -> Path:
+    """The file of a scenario that is to be written; `.yaml` may be left out.
+
+    Raises:
+        InputError: it is there already.
+    """
+    if path.suffix not in SUFFIXES:
+        path = path.with_name(f"{path.name}.yaml")
+    if os.path.lexists(path):
+        raise InputError(f"{path}: is there already, and is not written over: name another file")
+    return path
+
+
+def named_in(path: Path, scenario: Path) -> str:
     """How a file names a scenario that it extends: by its bundled name or from its own folder."""
     if scenario.resolve().is_relative_to(bundled_root().resolve()):
         return name_of(scenario)

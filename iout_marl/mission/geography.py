@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -99,7 +98,6 @@ def distances_m(geodetic: npt.ArrayLike) -> Floats:
     return found
 
 
-@cache
 def _geod() -> Any:
     """The ellipsoid."""
     require("grid.origin", "mission")
