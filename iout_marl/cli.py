@@ -31,7 +31,7 @@ from iout_marl.cli_options import (
 from iout_marl.cli_policies import evaluate_all, keep_inputs, planner_budget
 from iout_marl.cli_scenario import scenario_app
 from iout_marl.cli_studies import report, reproduce
-from iout_marl.cli_tables import say_outlook, show_columns
+from iout_marl.cli_tables import say_outlook, show_breakdown, show_columns
 from iout_marl.cli_train import train
 from iout_marl.evaluation import MAX_EPISODES
 from iout_marl.files import inputs_noted
@@ -173,6 +173,12 @@ def evaluate_command(
             "all play in that of the first.",
         ),
     ] = False,
+    nodes: Annotated[
+        bool,
+        typer.Option(
+            "--nodes", help="Also a row for each node and each AUV, in slots and seconds."
+        ),
+    ] = False,
     overrides: Overrides = None,
     imports: Imports = None,
 ) -> None:
@@ -189,14 +195,17 @@ def evaluate_command(
         seed,
         transfer=transfer,
         sampled=sampled,
+        breakdown=nodes,
     )
     say_outlook(loaded)
     records = [result.to_json() for result in results]
-    give_out(
-        records[0] if len(records) == 1 else records,
-        json_file,
-        lambda: show_columns(results, layouts),
-    )
+
+    def show_tables() -> None:
+        show_columns(results, layouts)
+        for result in results:
+            show_breakdown(result)
+
+    give_out(records[0] if len(records) == 1 else records, json_file, show_tables)
 
 
 app.command("bound")(bound_command)

@@ -75,6 +75,7 @@ def evaluate_all(
     *,
     transfer: bool,
     sampled: bool,
+    breakdown: bool,
 ) -> tuple[list[Evaluation], str]:
     """Run policies by what `load_policy` takes.
 
@@ -87,6 +88,7 @@ def evaluate_all(
         starts: policies that the planner starts from.
         budget: what the planner spends; None for the usual.
         sampled: draw trained policies' actions rather than take the most probable.
+        breakdown: also tell each node and each AUV apart.
 
     Returns:
         the evaluations, and who plays in which layout.
@@ -114,7 +116,13 @@ def evaluate_all(
         for name in names
     ]
     results = [
-        evaluate(own, planner if name == "planner" and planner else player, episodes, seed)
+        evaluate(
+            own,
+            planner if name == "planner" and planner else player,
+            episodes,
+            seed,
+            breakdown=breakdown,
+        )
         for name, (own, player) in zip(names, players, strict=True)
     ]
     others = [name for name in names if name not in runs]

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
+from iout_marl.breakdown import AUV_COLUMNS, NODE_COLUMNS
 from iout_marl.errors import printable
 from iout_marl.evaluation import Evaluation
 from iout_marl.metrics import Metric, described
@@ -50,6 +51,26 @@ def show_columns(results: Sequence[Evaluation], layouts: str = EACH_ITS_OWN) -> 
     for row_heading, row in zip(["layout"] * several_layouts + headings, rows, strict=True):
         table.add_row(Text(row_heading), *row)
     present(table)
+
+
+def show_breakdown(result: Evaluation) -> None:
+    """A row for each node, and for each AUV, if they were told apart."""
+    if result.breakdown is None:
+        return
+    breakdown, means = result.breakdown, "; means over episodes" * (result.episodes > 1)
+    present(f"{printable(result.label)}: a slot is {breakdown.slot_s:g} s{means}")
+    for what, columns, found in (
+        ("node", NODE_COLUMNS, breakdown.nodes),
+        ("AUV", AUV_COLUMNS, breakdown.auvs),
+    ):
+        table = Table()
+        for heading in (what, *(column.heading for column in columns)):
+            table.add_column(heading, justify="right")
+        rows = zip(*(found[column.name].mean(axis=0).tolist() for column in columns), strict=True)
+        for number, row in enumerate(rows, start=1):
+            cells = (f"{v:.{column.digits}f}" for v, column in zip(row, columns, strict=True))
+            table.add_row(str(number), *cells)
+        present(table)
 
 
 def show_spread(results: Sequence[Evaluation]) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.breakdown import Breakdown, Tally
 from iout_marl.errors import InputError
 from iout_marl.metrics import BUILTIN
 from iout_marl.policies import (
@@ -92,6 +93,7 @@ class Evaluation:
         deterministic: neither policy nor world has left anything to chance: all episodes are
             like the one that was played.
         sampled: a trained policy has drawn its actions, rather than taken the most probable.
+        breakdown: figures of each node and each AUV, if they were asked for.
     """
 
     scenario: str
@@ -101,6 +103,7 @@ class Evaluation:
     samples: dict[str, npt.NDArray[np.float64]] = field(repr=False)
     deterministic: bool = False
     sampled: bool = False
+    breakdown: Breakdown | None = field(default=None, repr=False)
 
     @property
     def episodes(self) -> int:
@@ -128,7 +131,28 @@ class Evaluation:
             "deterministic": self.deterministic,
             "seed": self.seed,
             "metrics": {name: estimate.to_json() for name, estimate in self.metrics.items()},
+            **({} if self.breakdown is None else _breakdown_json(self.breakdown)),
         }
+
+
+def _breakdown_json(breakdown: Breakdown) -> dict[str, Any]:
+    """A row for each node and each AUV, counted from 1."""
+    return {
+        "slot_s": breakdown.slot_s,
+        **{
+            f"{what}s": [
+                {
+                    what: i + 1,
+                    **{
+                        name: Estimate.from_samples(values[:, i]).to_json()
+                        for name, values in columns.items()
+                    },
+                }
+                for i in range(next(iter(columns.values())).shape[1])
+            ]
+            for what, columns in (("node", breakdown.nodes), ("auv", breakdown.auvs))
+        },
+    }
 
 
 def evaluate(
@@ -138,6 +162,7 @@ def evaluate(
     seed: int = 0,
     *,
     overrides: Overrides = None,
+    breakdown: bool = False,
 ) -> Evaluation:
     """Run a policy over whole episodes.
 
@@ -152,6 +177,7 @@ def evaluate(
         seed: episode i has the seed `seed + i`: that of the layout, where it is random, is
             that of an environment reset with it; and of what the policy leaves to chance.
         overrides: changes of the scenario, as for `load_scenario`.
+        breakdown: also tell each node and each AUV apart.
 
     Raises:
         InputError: no such scenario or policy, a run of another scenario, episodes or a seed out
@@ -166,10 +192,15 @@ def evaluate(
     deterministic = is_deterministic(player) and not has_chance(scenario)
     world = World(scenario, 1 if deterministic else episodes)
     total_reward = np.zeros((world.num_envs, world.num_auvs))
+    tally = None
     for state, events in play(world, player, seed):
-        if events is not None:
-            with _unbounded():
-                total_reward += world.reward(state, events)
+        if events is None:
+            tally = Tally(world, state) if breakdown else None
+            continue
+        with _unbounded():
+            total_reward += world.reward(state, events)
+            if tally is not None:
+                tally.add(state, events)
     with _unbounded():
         found = world.metrics(state)
         for metric in world.measured:
@@ -195,6 +226,7 @@ def evaluate(
         samples=samples,
         deterministic=deterministic,
         sampled=bool(getattr(player, "sampled", False)),
+        breakdown=None if tally is None else tally.result(state),
     )
 
 

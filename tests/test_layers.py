@@ -41,6 +41,7 @@ LAYERS = (
     ("iout_marl.envs", "iout_marl.iout_v0"),
     (
         "iout_marl.bounds",
+        "iout_marl.breakdown",
         "iout_marl.trajectory",
         "iout_marl.evaluation",
         "iout_marl.mission",

@@ -1,0 +1,118 @@
+"""What episodes come to for each node and each AUV."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.world import Events, State, World
+
+
+@dataclass(frozen=True)
+class Column:
+    """A figure that every node, or every AUV, has.
+
+    Attributes:
+        name: its key in Python and JSON, with the unit.
+        heading: in a table.
+        digits: behind the point.
+    """
+
+    name: str
+    heading: str
+    digits: int
+
+
+NODE_COLUMNS = (
+    Column("deliveries", "deliveries", 1),
+    Column("mean_aoi_slots", "mean AoI slots", 2),
+    Column("mean_aoi_s", "mean AoI s", 1),
+    Column("peak_aoi_slots", "peak AoI slots", 1),
+    Column("peak_aoi_s", "peak AoI s", 1),
+    Column("harvested_j", "harvested J", 1),
+    Column("spent_j", "spent J", 1),
+    Column("left_j", "left J", 1),
+)
+AUV_COLUMNS = (
+    Column("distance_m", "distance m", 0),
+    Column("moving_slots", "moving slots", 1),
+    Column("moving_s", "moving s", 0),
+    Column("packets", "packets", 1),
+    Column("delivered_j", "delivered J", 1),
+)
+
+
+@dataclass(frozen=True)
+class Breakdown:
+    """Figures of each node and each AUV over whole episodes.
+
+    Attributes:
+        slot_s: length of a slot.
+        nodes: by the names of `NODE_COLUMNS`, (episodes, nodes): packets delivered; mean over
+            slots and highest of the age; energy harvested, spent on uplinks, and left in the end.
+        auvs: by the names of `AUV_COLUMNS`, (episodes, auvs): the way; slots that began with a
+            move; packets that it has received; energy that nodes have harvested from it.
+    """
+
+    slot_s: float
+    nodes: dict[str, npt.NDArray[np.float64]]
+    auvs: dict[str, npt.NDArray[np.float64]]
+
+
+class Tally:
+    """Adds up what happens to each node and each AUV, slot by slot.
+
+    Args:
+        world: the world, on NumPy.
+        state: the first state.
+    """
+
+    def __init__(self, world: World, state: State) -> None:
+        self._world = world
+        self._cell = state.cell
+        nodes, auvs = state.age.shape, state.cell.shape
+        self._age_sum, self._peak_age = np.zeros(nodes), np.zeros(nodes)
+        self._harvested_j, self._spent_j = np.zeros(nodes), np.zeros(nodes)
+        self._distance_m, self._moves = np.zeros(auvs), np.zeros(auvs)
+        self._packets, self._delivered_j = np.zeros(auvs), np.zeros(auvs)
+
+    def add(self, state: State, events: Events) -> None:
+        """Take in a slot; `state` is that after it."""
+        nodes, link = self._world.nodes, self._world.link
+        self._age_sum += state.age
+        np.maximum(self._peak_age, state.age, out=self._peak_age)
+        charged, heard = nodes.flat_index(events.charged), nodes.flat_index(events.heard)
+        self._harvested_j = nodes.scatter_add(self._harvested_j, charged, events.harvested_j)
+        self._spent_j = nodes.scatter_add(self._spent_j, heard, events.spent_j)
+        self._distance_m += link.at(link.distance_m, link.offset(state.cell, self._cell))
+        self._moves += state.cell != self._cell
+        self._packets += events.delivered
+        self._delivered_j += events.harvested_j
+        self._cell = state.cell
+
+    def result(self, state: State) -> Breakdown:
+        """The figures of whole episodes; `state` is the last."""
+        slot_s = self._world.link.slot_s
+        mean_age = self._age_sum / self._world.num_slots
+        return Breakdown(
+            slot_s=slot_s,
+            nodes={
+                "deliveries": np.array(state.deliveries),
+                "mean_aoi_slots": mean_age,
+                "mean_aoi_s": mean_age * slot_s,
+                "peak_aoi_slots": self._peak_age,
+                "peak_aoi_s": self._peak_age * slot_s,
+                "harvested_j": self._harvested_j,
+                "spent_j": self._spent_j,
+                "left_j": np.array(state.energy_j),
+            },
+            auvs={
+                "distance_m": self._distance_m,
+                "moving_slots": self._moves,
+                "moving_s": self._moves * slot_s,
+                "packets": self._packets,
+                "delivered_j": self._delivered_j,
+            },
+        )

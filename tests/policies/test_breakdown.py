@@ -1,0 +1,103 @@
+"""`evaluate --nodes`: every node and every AUV by itself, which add up to the whole."""
+
+import json
+
+import numpy as np
+import pytest
+
+from iout_marl import World, evaluate, load_scenario, record_episode
+from iout_marl.breakdown import AUV_COLUMNS, NODE_COLUMNS
+from iout_marl.evaluation import play
+from iout_marl.policies import make_baseline
+
+SCENARIOS = ["paper/k5-fdd", "best/k5-tdd", "multi/m3-k10-fdd"]
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_columns_are_sums_over_the_slots_of_each_episode(scenario):
+    found = evaluate(scenario, "random-walk", 4, 7, breakdown=True).breakdown
+    loaded = load_scenario(scenario)
+    world = World(loaded, 4)
+    nodes, auvs = (4, world.num_nodes), (4, world.num_auvs)
+    ages, peak = np.zeros(nodes), np.zeros(nodes)
+    harvested, spent = np.zeros(nodes), np.zeros(nodes)
+    way, moves, packets, given = (np.zeros(auvs) for _ in range(4))
+    before = None
+    cells = world.grid.coordinate_table()
+    for state, events in play(world, make_baseline("random-walk"), 7):
+        if events is not None:
+            ages += state.age
+            peak = np.maximum(peak, state.age)
+            step = np.linalg.norm(cells[state.cell] - cells[before], axis=-1)
+            way += step * loaded.grid.spacing_m
+            moves += step > 0
+            for e, m in np.ndindex(*auvs):
+                harvested[e, events.charged[e, m]] += events.harvested_j[e, m]
+                spent[e, events.heard[e, m]] += events.spent_j[e, m]
+                packets[e, m] += events.delivered[e, m]
+                given[e, m] += events.harvested_j[e, m]
+        before = state.cell
+    mean, slot_s = ages / world.num_slots, loaded.slot_s
+    of_nodes = (
+        *(state.deliveries, mean, mean * slot_s, peak, peak * slot_s),
+        *(harvested, spent, state.energy_j),
+    )
+    of_auvs = (way, moves, moves * slot_s, packets, given)
+    for columns, expected, values in (
+        (NODE_COLUMNS, of_nodes, found.nodes),
+        (AUV_COLUMNS, of_auvs, found.auvs),
+    ):
+        assert list(values) == [column.name for column in columns]
+        for column, numbers in zip(columns, expected, strict=True):
+            assert values[column.name] == pytest.approx(numbers, rel=1e-12, abs=1e-9), column.name
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_nodes_add_up_to_the_network(scenario):
+    result = evaluate(scenario, "greedy", 3, breakdown=True)
+    samples, nodes, auvs = result.samples, result.breakdown.nodes, result.breakdown.auvs
+    assert nodes["mean_aoi_slots"].mean(axis=1) == pytest.approx(samples["mean_aoi"])
+    assert nodes["peak_aoi_slots"].max(axis=1) == pytest.approx(samples["peak_aoi"])
+    assert nodes["harvested_j"].sum(axis=1) == pytest.approx(samples["harvested_kj"] * 1e3)
+    assert nodes["spent_j"].sum(axis=1) == pytest.approx(samples["spent_kj"] * 1e3)
+    assert auvs["delivered_j"].sum(axis=1) == pytest.approx(nodes["harvested_j"].sum(axis=1))
+    assert auvs["packets"].sum(axis=1) == pytest.approx(nodes["deliveries"].sum(axis=1))
+    left = nodes["harvested_j"] - nodes["spent_j"]
+    assert nodes["left_j"] == pytest.approx(left, abs=1e-6)
+
+
+def test_nothing_else_changes_and_nothing_is_told_unasked():
+    plain, told = (evaluate("paper/k3-fdd", "greedy", 3, breakdown=b) for b in (False, True))
+    assert plain.breakdown is None
+    more = told.to_json()
+    assert {key: more.pop(key) for key in ("slot_s", "nodes", "auvs")}["slot_s"] == 25
+    assert more == plain.to_json()
+
+
+def test_the_way_of_a_single_episode():
+    path = np.array(record_episode("paper/k3-fdd", "tour").path)[:, 0]
+    way = np.abs(np.diff(path, axis=0)).sum() * 100
+    found = evaluate("paper/k3-fdd", "tour", breakdown=True).breakdown.auvs
+    assert found["distance_m"].tolist() == [[way]]
+
+
+def test_the_command_has_a_row_for_each(iout, tmp_path):
+    target = tmp_path / "f.json"
+    words = ("evaluate", "multi/m2-k10-fdd", "--policy", "greedy", "--policy", "tour")
+    status, out, _ = iout(*words, "--nodes", "--episodes", 2, "--json", target)
+    assert status == 0
+    greedy, tour = json.loads(target.read_text())
+    for record in (greedy, tour):
+        assert [row["node"] for row in record["nodes"]] == list(range(1, 11))
+        assert [row["auv"] for row in record["auvs"]] == [1, 2]
+        for row in record["nodes"]:
+            in_slots = row["mean_aoi_slots"]["mean"]
+            assert row["mean_aoi_s"]["mean"] == pytest.approx(in_slots * 25)
+    rows = [[c.strip() for c in line.split("│")[1:-1]] for line in out.splitlines() if "│" in line]
+    of_greedy = [row for row in rows if len(row) == 1 + len(NODE_COLUMNS)][:10]
+    for row, record in zip(of_greedy, greedy["nodes"], strict=True):
+        shown = [f"{record[c.name]['mean']:.{c.digits}f}" for c in NODE_COLUMNS]
+        assert row == [str(record["node"]), *shown]
+    assert "greedy: a slot is 25 s; means over episodes" in out
+    # Without the option it is as before.
+    assert "node" not in iout(*words, "--episodes", 2)[1]
