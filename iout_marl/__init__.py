@@ -16,6 +16,7 @@ from iout_marl.envs.registration import register_gymnasium, register_pettingzoo
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.policies import Policy, load_policy, make_baseline
+from iout_marl.replay import Recording, record, record_policy
 from iout_marl.scenario import Scenario, bundled_names, load_scenario
 from iout_marl.trajectory import Trajectory, record_episode
 from iout_marl.world import World
@@ -37,6 +38,7 @@ __all__ = [
     "Evaluation",
     "InputError",
     "Policy",
+    "Recording",
     "Scenario",
     "Trainer",
     "Trajectory",
@@ -48,7 +50,9 @@ __all__ = [
     "load_policy",
     "load_scenario",
     "make_baseline",
+    "record",
     "record_episode",
+    "record_policy",
     "train",
 ]
 

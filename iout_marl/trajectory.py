@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from iout_marl.evaluation import play
-from iout_marl.policies import AnyPolicy, policy_for
-from iout_marl.scenario import AnyScenario, Overrides, load_scenario
-from iout_marl.world import World
+from iout_marl.policies import AnyPolicy
+from iout_marl.replay.recorder import record_policy
+from iout_marl.replay.recording import Recording
+from iout_marl.scenario import AnyScenario, Overrides
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,21 @@ class Trajectory:
     delivered: list[list[bool]]
     ages: list[list[int]]
 
+    @classmethod
+    def from_recording(cls, recording: Recording) -> Trajectory:
+        """The episode without energies and reasons."""
+        only_charged = recording.splits_slot & (recording.beta == 1)
+        return cls(
+            grid=list(recording.grid),
+            spacing_m=recording.spacing_m,
+            nodes=recording.nodes.tolist(),
+            path=recording.path.tolist(),
+            charged=recording.charged.tolist(),
+            heard=np.where(only_charged, 0, recording.heard).tolist(),
+            delivered=recording.delivered.tolist(),
+            ages=recording.ages[1:].astype(int).tolist(),
+        )
+
     def to_json(self) -> dict[str, Any]:
         """The episode as JSON has it; `Trajectory(**…)` reads it back."""
         return asdict(self)
@@ -57,28 +72,4 @@ def record_episode(
     Raises:
         InputError, TypeError: as `evaluate` does.
     """
-    scenario, player = policy_for(load_scenario(scenario, overrides), policy, seed)
-    world = World(scenario)
-    cells = world.grid.coordinate_table() + 1
-    splits_slot = world.duplex.splits_slot
-    path, charged, heard, delivered, ages, nodes = [], [], [], [], [], []
-    for state, events in play(world, player, seed):
-        path.append(cells[state.cell[0]].tolist())
-        if events is None:
-            nodes = cells[state.node_cell[0]].tolist()
-            continue
-        beta = events.beta[0]
-        charged.append(np.where(splits_slot & (beta == 0), 0, events.charged[0] + 1).tolist())
-        heard.append(np.where(splits_slot & (beta == 1), 0, events.heard[0] + 1).tolist())
-        delivered.append(events.delivered[0].tolist())
-        ages.append(state.age[0].astype(int).tolist())
-    return Trajectory(
-        list(scenario.grid.cells),
-        scenario.grid.spacing_m,
-        nodes,
-        path,
-        charged,
-        heard,
-        delivered,
-        ages,
-    )
+    return Trajectory.from_recording(record_policy(scenario, policy, seed, overrides=overrides))

@@ -47,6 +47,7 @@ LAYERS = (
         "iout_marl.mission",
         "iout_marl.outlook",
         "iout_marl.policies",
+        "iout_marl.replay",
         "iout_marl.testing",
     ),
     # The names that the package offers.

@@ -204,6 +204,15 @@ class EpisodeBatch:
         return self._running.state
 
     @property
+    def last_events(self) -> Events | None:
+        """What happened in the last slot; None before the first.
+
+        Raises:
+            RuntimeError: before the first reset.
+        """
+        return self._running.events
+
+    @property
     def has_begun(self) -> bool:
         """Whether there was a reset."""
         return self._stepper is not None

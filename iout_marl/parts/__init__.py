@@ -17,6 +17,7 @@ A part of your own is registered from your own file, and named by your scenario:
 import importlib
 import pkgutil
 
+from iout_marl.core.reasons import Reason
 from iout_marl.parts.absorption import Absorption, absorptions
 from iout_marl.parts.access import Access, Request, Uplinks, access_rules
 from iout_marl.parts.base import Context, Part, at_work
@@ -62,6 +63,7 @@ __all__ = [
     "Placement",
     "Plausible",
     "Positive",
+    "Reason",
     "Representation",
     "Request",
     "Reward",

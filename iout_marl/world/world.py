@@ -34,9 +34,11 @@ from iout_marl.scenario import AnyScenario, Overrides, load_scenario
 from iout_marl.scenario.parts import outside_parts
 from iout_marl.whole import MAX_SEED, whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
+from iout_marl.world.addressed import Addressed
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
+from iout_marl.world.outcomes import Outcomes, outcomes
 from iout_marl.world.placement import node_codes, start_cells
 from iout_marl.world.watch import check_first_slot
 
@@ -215,15 +217,9 @@ class World:
 
         cell, left_grid, blocked = self.motion.move(state.cell, action[..., 0])
 
-        heard_index = nodes.flat_index(heard)
-        heard_cell = nodes.gather(state.node_cell, heard_index)
-        heard_offset = link.offset(cell, heard_cell)
-        if self.duplex.num_choices == 1:
-            charged_offset, charged_index = heard_offset, heard_index
-        else:
-            charged_index = nodes.flat_index(charged)
-            charged_offset = link.offset(cell, nodes.gather(state.node_cell, charged_index))
-
+        heard_index, heard_cell, heard_offset, charged_index, charged_offset = self.addressed(
+            state.node_cell, cell, charged, heard
+        )
         stored_j = nodes.gather(state.energy_j, heard_index)
         split = self.duplex.split(charged_offset, heard_offset, stored_j)
         # Eq. `E harvested`; a node charged by two AUVs gets both.
@@ -283,6 +279,28 @@ class World:
             more = [metric.values(self, new_state, events)[:, None] for metric in self.summed]
             new_state = new_state._replace(sums=state.sums + xp.concat(more, axis=1))
         return new_state, events
+
+    def addressed(self, node_cell: Array, cell: Array, charged: Array, heard: Array) -> Addressed:
+        """The nodes that AUVs name, and how they lie to them.
+
+        Args:
+            node_cell: (envs, nodes) codes of the nodes' cells.
+            cell: (envs, auvs) codes of the AUVs' cells, after their moves.
+            charged, heard: (envs, auvs) nodes.
+        """
+        link, nodes = self.link, self.nodes
+        heard_index = nodes.flat_index(heard)
+        heard_cell = nodes.gather(node_cell, heard_index)
+        heard_offset = link.offset(cell, heard_cell)
+        if self.duplex.num_choices == 1:
+            return Addressed(heard_index, heard_cell, heard_offset, heard_index, heard_offset)
+        charged_index = nodes.flat_index(charged)
+        charged_offset = link.offset(cell, nodes.gather(node_cell, charged_index))
+        return Addressed(heard_index, heard_cell, heard_offset, charged_index, charged_offset)
+
+    def outcomes(self, before: State, events: Events, after: State) -> Outcomes:
+        """Why uplinks of a slot have failed, of a world on NumPy: see `world.outcomes`."""
+        return outcomes(self, before, events, after)
 
     def checked_step(self, state: State, action: Any) -> tuple[State, Events]:
         """`step`, after a look at what it is given.

@@ -87,6 +87,9 @@ TAKES = {
     "iout_marl.record_episode": lambda s, o, _: len(
         iout_marl.record_episode(s, "greedy", overrides=o).ages
     ),
+    "iout_marl.record_policy": lambda s, o, _: iout_marl.record_policy(
+        s, "greedy", overrides=o
+    ).slots,
     "iout_marl.bound": lambda s, o, _: slots_by_age(
         iout_marl.bound(s, seconds=0, overrides=o).scheduling
         * 2 * load_scenario(s, o).num_slots, s, o),

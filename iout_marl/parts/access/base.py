@@ -7,11 +7,13 @@ not matter.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.core.reasons import TAKEN, Reason
 from iout_marl.core.split import Split
 from iout_marl.deprecated import warn_renamed
 from iout_marl.parts.base import Context, Part
@@ -85,6 +87,15 @@ class Access(Part):
     def __call__(self, request: Request, split: Split) -> Uplinks:
         """The uplinks of a slot."""
         raise NotImplementedError
+
+    def why_lost(self, request: Request, split: Split) -> Mapping[Reason, Array]:  # noqa: ARG002
+        """Why packets that are sent do not arrive, (envs, auvs) bool each; the first that holds
+        counts.
+
+        Asked after a slot, for those who want to see it explained; flags of packets that have
+        arrived have no effect. A rule of one's own adds to what `super()` gives.
+        """
+        return {TAKEN: request.sends & ~self.to_nearest(request)}
 
     def spoils(self, first: Floats, second: Floats) -> Any:  # noqa: ARG002
         """Whether two AUVs' shares β of a slot for charging go ill together; None if none do.

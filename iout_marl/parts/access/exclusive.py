@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from iout_marl.core.reasons import COLLISION, Reason
 from iout_marl.core.split import Split
 from iout_marl.parts.access.base import Access, Floats, Request, Uplinks, access_rules
+from iout_marl.physics.arrays import Array
 
 
 @access_rules.register("exclusive")
@@ -23,6 +27,10 @@ class Exclusive(Access):
             return Uplinks(sending, spent_j)
         number = xp.sum(xp.astype(sending, spent_j.dtype), axis=1)
         return Uplinks(sending & (number == 1)[:, None], spent_j)
+
+    def why_lost(self, request: Request, split: Split) -> Mapping[Reason, Array]:
+        # A node that sends is heard unless there is another.
+        return {**super().why_lost(request, split), COLLISION: request.sends}
 
     def spoils(self, first: Floats, second: Floats) -> np.typing.NDArray[np.bool_]:
         """Both listen: they collide."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from iout_marl.core.limits import UPLINK_W, bounded, unheard, unheard_on_numpy
+from iout_marl.core.reasons import CHARGING_NOISE, INTERFERENCE, Reason
 from iout_marl.core.split import Split
 from iout_marl.parts.access.base import Access, Floats, Request, Uplinks, access_rules
 from iout_marl.parts.base import Context
@@ -100,6 +102,16 @@ class Interference(Access):
         louder = link.at(self._louder, between)
         overlaps = split.beta[:, None, :] > split.beta[:, :, None]
         return xp.sum(xp.where(overlaps, louder, self._zero), axis=2)
+
+    def why_lost(self, request: Request, split: Split) -> Mapping[Reason, Array]:
+        # What charging adds is too much if a node cannot outdo it even without other uplinks.
+        alone_j = split.required_j * (self._one + self._disturbance(request, split))
+        drowned = (alone_j > split.required_j) & (request.available_j < alone_j)
+        return {
+            **super().why_lost(request, split),
+            CHARGING_NOISE: drowned,
+            INTERFERENCE: request.sends,
+        }
 
     def spoils(self, first: Floats, second: Floats) -> npt.NDArray[np.bool_] | None:
         """Whether of two AUVs that charge for these shares one spoils what the other hears.

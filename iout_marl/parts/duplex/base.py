@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy.typing as npt
 
 from iout_marl.core.levels import EnergyLevels, Tables
 from iout_marl.core.link import SlotEnergies
+from iout_marl.core.reasons import NOT_SENT, Reason
 from iout_marl.core.split import Split
 from iout_marl.core.whole_levels import WholeLevels
 from iout_marl.parts.base import Part
@@ -97,6 +99,13 @@ class Duplex(Part):
             available_j: (envs, auvs) energy of the node heard after charging.
         """
         raise NotImplementedError
+
+    def why_silent(self, split: Split, available_j: Array) -> Mapping[Reason, Array]:
+        """Why nodes heard do not send, (envs, auvs) bool each; the first that holds counts.
+
+        Asked after a slot, for those who want to see it explained.
+        """
+        return {NOT_SENT: ~self.sends(split, available_j)}
 
     def energy_never_binds(self, energies: SlotEnergies) -> bool:  # noqa: ARG002
         """Whether the harvest of any slot surely pays for any uplink, whatever an AUV does."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from iout_marl.core.levels import BEYOND_J, EnergyLevels, Tables
 from iout_marl.core.link import SlotEnergies
+from iout_marl.core.reasons import NO_ENERGY, Reason
 from iout_marl.core.split import Split
 from iout_marl.core.whole_levels import WholeLevels
 from iout_marl.parts.base import Context
@@ -60,6 +62,9 @@ class FrequencyDivision(Duplex):
 
     def sends(self, split: Split, available_j: Array) -> Array:
         return available_j > split.required_j
+
+    def why_silent(self, split: Split, available_j: Array) -> Mapping[Reason, Array]:
+        return {NO_ENERGY: ~self.sends(split, available_j)}
 
     def energy_never_binds(self, energies: SlotEnergies) -> bool:
         return bool(energies.poorest_j > energies.dearest_j)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
@@ -9,6 +10,7 @@ from pydantic import Field, model_validator
 
 from iout_marl.core.levels import BEYOND_J, EnergyLevels, Tables
 from iout_marl.core.link import SlotEnergies
+from iout_marl.core.reasons import ONLY_CHARGED, Reason
 from iout_marl.core.split import Split
 from iout_marl.core.whole_levels import WholeLevels, highest
 from iout_marl.parts.base import Context, at_work
@@ -92,6 +94,9 @@ class TimeDivision(Duplex):
     def sends(self, split: Split, available_j: Array) -> Array:  # noqa: ARG002
         # The rule for β has seen to it that the uplink is paid wherever there is one.
         return split.beta < 1
+
+    def why_silent(self, split: Split, available_j: Array) -> Mapping[Reason, Array]:
+        return {ONLY_CHARGED: ~self.sends(split, available_j)}
 
     def energy_never_binds(self, energies: SlotEnergies) -> bool:
         return self.rule.energy_never_binds(energies, self.settings)

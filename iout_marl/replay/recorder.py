@@ -1,0 +1,161 @@
+"""Records an episode while it is played."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from iout_marl.core.reasons import Reason
+from iout_marl.errors import InputError
+from iout_marl.evaluation import play
+from iout_marl.policies import AnyPolicy, Policy, policy_for
+from iout_marl.replay.recording import Recording
+from iout_marl.scenario import AnyScenario, Overrides, load_scenario, to_yaml
+from iout_marl.world import Events, State, World
+
+
+class Recorder:
+    """Takes the slots of one environment of a batch down, one after the other.
+
+    Args:
+        world: the world, on NumPy.
+        state: the first state.
+        policy: what to call whoever plays.
+        seed: of the episode, where it is known.
+        env: index of the environment.
+    """
+
+    def __init__(
+        self, world: World, state: State, policy: str, seed: int | None = None, env: int = 0
+    ) -> None:
+        self._world, self._state, self._env = world, state, env
+        self._policy, self._seed = policy, seed
+        self._cells = world.grid.coordinate_table() + 1
+        self._reasons: list[Reason] = []
+        self._places = [self._place(state)]
+        self._slots: list[dict[str, Any]] = []
+
+    def _place(self, state: State) -> dict[str, Any]:
+        env = self._env
+        return {
+            "path": self._cells[state.cell[env]],
+            "ages": np.array(state.age[env], dtype=np.float64),
+            "energy_j": np.array(state.energy_j[env], dtype=np.float64),
+        }
+
+    def add(self, events: Events, state: State) -> None:
+        """Take a slot down.
+
+        Args:
+            events: what happened in it.
+            state: the state after it.
+        """
+        world, env = self._world, self._env
+        beta = np.array(events.beta[env], dtype=np.float64)
+        no_time = world.duplex.splits_slot & (beta == 0)
+        own = {name: np.array(getattr(events, name)[env]) for name in _OF_EVENTS}
+        self._slots.append(
+            {
+                **own,
+                "charged": np.where(no_time, 0, events.charged[env] + 1),
+                "heard": np.array(events.heard[env] + 1),
+                "beta": beta,
+                "outcome": [
+                    self._number(reason)
+                    for reason in world.outcomes(self._state, events, state)[env]
+                ],
+                "rewards": np.array(world.reward(state, events)[env], dtype=np.float64),
+            }
+        )
+        self._places.append(self._place(state))
+        self._state = state
+
+    def _number(self, reason: Reason | None) -> int:
+        if reason is None:
+            return 0
+        if reason not in self._reasons:
+            self._reasons.append(reason)
+        return self._reasons.index(reason) + 1
+
+    def recording(self) -> Recording:
+        """What has been taken down so far.
+
+        Raises:
+            InputError: the scenario has numbers that are too large to compute with.
+            RuntimeError: no slot has been played.
+        """
+        if not self._slots:
+            raise RuntimeError("no slot has been played: there is nothing to record yet")
+        world, scenario = self._world, self._world.scenario
+        arrays = {
+            name: np.array([each[name] for each in rows])
+            for rows in (self._places, self._slots)
+            for name in rows[0]
+        }
+        for name, values in arrays.items():
+            if not np.isfinite(values).all():
+                raise InputError(
+                    f"{scenario.name}: {name} has numbers that are too large to compute with"
+                )
+        return Recording(
+            scenario=scenario.name,
+            scenario_hash=scenario.hash,
+            scenario_yaml=to_yaml(scenario),
+            policy=self._policy,
+            seed=self._seed,
+            grid=world.grid.shape,
+            spacing_m=float(scenario.grid.spacing_m),
+            slot_s=float(scenario.slot_s),
+            num_slots=world.num_slots,
+            maximum_age=float(scenario.age.maximum),
+            reference_energy_j=float(world.representation.reference_energy_j),
+            duplex=world.duplex.label,
+            splits_slot=world.duplex.splits_slot,
+            reasons=tuple(self._reasons),
+            nodes=self._cells[self._state.node_cell[self._env]],
+            **arrays,
+        )
+
+
+#: Of the events, what is recorded as it is.
+_OF_EVENTS = ("left_grid", "blocked", "harvested_j", "spent_j")
+
+
+def record_policy(
+    scenario: AnyScenario,
+    policy: AnyPolicy,
+    seed: int = 0,
+    *,
+    overrides: Overrides = None,
+) -> Recording:
+    """Play one episode, the first of those of `evaluate`, and record it.
+
+    Args:
+        scenario, policy, seed, overrides: as for `evaluate`.
+
+    Raises:
+        InputError, TypeError: as `evaluate` does.
+    """
+    found, player = policy_for(load_scenario(scenario, overrides), policy, seed)
+    return record_player(found, player, seed)
+
+
+def record_player(scenario: Any, player: Policy, seed: int, name: str = "") -> Recording:
+    """`record_policy` of what `policy_for` has found.
+
+    Args:
+        scenario: the scenario that the policy plays.
+        player: the policy.
+        seed: of the episode.
+        name: what to call it, if not by its own name.
+    """
+    world = World(scenario)
+    slots = play(world, player, seed)
+    state, _ = next(slots)
+    recorder = Recorder(world, state, name or str(player.name), seed)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for state, events in slots:
+            assert events is not None
+            recorder.add(events, state)
+    return recorder.recording()

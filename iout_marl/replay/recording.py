@@ -1,0 +1,208 @@
+"""An episode as it was played: what every AUV did in each slot, what came of it, and why."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.core.age import jain_of
+from iout_marl.core.reasons import Reason
+from iout_marl.files import read_json, refuse_input, to_json, user_path, write_text
+from iout_marl.render import Snapshot
+from iout_marl.replay.reading import ARRAYS, FORMAT, NUMBERS, TEXTS, VERSION, Reader
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One episode, or the slots of it that were played; cells, AUVs and nodes are counted from 1.
+
+    Attributes:
+        scenario, scenario_hash, scenario_yaml: the scenario's name, its hash, and all of it.
+        policy: what the policy is called.
+        seed: of the episode; None where it is not known.
+        grid: cells along x, y and z.
+        spacing_m, slot_s: edge of a cell in m, length of a slot in s.
+        num_slots: slots of a whole episode.
+        maximum_age: A_max in slots.
+        reference_energy_j: energy of an uplink over half the grid in J.
+        duplex, splits_slot: what the duplex part is called; whether β divides slots.
+        reasons: why uplinks have failed; `outcome` counts them from 1.
+        nodes: (nodes, 3) cells.
+        path: (slots + 1, auvs, 3) cells, the starts first.
+        left_grid, blocked: (slots, auvs) whether an AUV stayed at the edge of the grid, and
+            whether because of another AUV.
+        charged: (slots, auvs) node charged; 0 where the slot left no time for it.
+        heard: (slots, auvs) node asked for its packet.
+        beta: (slots, auvs) share of the slot for charging; 0 in FDD.
+        outcome: (slots, auvs) 0 where the packet arrived, else the reason why not.
+        harvested_j: (slots, auvs) energy that the node charged has harvested, in J.
+        spent_j: (slots, auvs) energy that the node heard has spent, in J.
+        rewards: (slots, auvs).
+        ages: (slots + 1, nodes) Age of Information in slots, the first ones first.
+        energy_j: (slots + 1, nodes) energy stored in J.
+    """
+
+    scenario: str
+    scenario_hash: str
+    scenario_yaml: str
+    policy: str
+    seed: int | None
+    grid: tuple[int, int, int]
+    spacing_m: float
+    slot_s: float
+    num_slots: int
+    maximum_age: float
+    reference_energy_j: float
+    duplex: str
+    splits_slot: bool
+    reasons: tuple[Reason, ...]
+    nodes: Integers
+    path: Integers
+    left_grid: Flags
+    blocked: Flags
+    charged: Integers
+    heard: Integers
+    beta: Floats
+    outcome: Integers
+    harvested_j: Floats
+    spent_j: Floats
+    rewards: Floats
+    ages: Floats
+    energy_j: Floats
+
+    @property
+    def slots(self) -> int:
+        """Slots that were played."""
+        return len(self.charged)
+
+    @property
+    def num_auvs(self) -> int:
+        return self.path.shape[1]
+
+    @property
+    def num_nodes(self) -> int:
+        return len(self.nodes)
+
+    @property
+    def delivered(self) -> Flags:
+        """(slots, auvs) whether the packet arrived."""
+        return self.outcome == 0
+
+    @property
+    def deliveries(self) -> Integers:
+        """(slots + 1, nodes) packets that each node has delivered so far."""
+        counts = np.zeros((self.slots + 1, self.num_nodes), dtype=np.int64)
+        slot, auv = np.nonzero(self.delivered)
+        np.add.at(counts, (slot + 1, self.heard[slot, auv] - 1), 1)
+        return np.cumsum(counts, axis=0)
+
+    def reason(self, slot: int, auv: int) -> Reason | None:
+        """Why a packet did not arrive; None where it did.
+
+        Args:
+            slot, auv: counted from 0.
+        """
+        number = int(self.outcome[slot, auv])
+        return self.reasons[number - 1] if number else None
+
+    def snapshot(self, place: int) -> Snapshot:
+        """The episode after some slots, for a picture.
+
+        Args:
+            place: how many slots are over, 0 for the start.
+        """
+        slot = place - 1
+        deliveries = self.deliveries[place].astype(np.float64)
+        return Snapshot(
+            title=self.scenario,
+            grid_shape=self.grid,
+            slot=place,
+            num_slots=self.num_slots,
+            auv_positions=self.path[place],
+            node_positions=self.nodes,
+            ages=self.ages[place],
+            maximum_age=self.maximum_age,
+            energies_j=self.energy_j[place],
+            reference_energy_j=self.reference_energy_j,
+            mean_age=float(self.ages[place].mean()),
+            jain=float(jain_of(np, deliveries, np.float64(self.num_nodes))),
+            total_harvested_j=float(self.harvested_j[:place].sum()),
+            duplex=self.duplex,
+            splits_slot=self.splits_slot,
+            # Where nobody was charged β is 0, and the node does not matter.
+            charged=np.maximum(self.charged[slot] - 1, 0) if place else None,
+            heard=self.heard[slot] - 1 if place else None,
+            delivered=self.delivered[slot] if place else None,
+            beta=self.beta[slot] if place else None,
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it as JSON.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        target = user_path(path, "path")
+        refuse_input(target)
+        write_text(target, to_json(self.to_json()))
+
+    def to_json(self) -> dict[str, Any]:
+        """The episode as JSON has it; `from_json` reads it back."""
+        values = {name: getattr(self, name) for name in (*TEXTS, "seed", *NUMBERS)}
+        arrays = {name: getattr(self, name).tolist() for name in ARRAYS}
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            **values,
+            "grid": list(self.grid),
+            "splits_slot": self.splits_slot,
+            "reasons": [[reason.code, reason.text] for reason in self.reasons],
+            **arrays,
+        }
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Recording:
+        """Read what `save` has written.
+
+        Raises:
+            InputError: it cannot be read, is something else, or is damaged.
+        """
+        source = user_path(path, "recording")
+        return cls.from_json(read_json(source), str(source))
+
+    @classmethod
+    def from_json(cls, data: Any, where: str = "recording") -> Recording:
+        """The episode that JSON holds.
+
+        Args:
+            data: what `to_json` gives.
+            where: what to call it in messages.
+
+        Raises:
+            InputError: it is something else.
+        """
+        read = Reader(data, where)
+        grid = read.grid()
+        reasons = read.reasons()
+        sizes = {"axes": 3, "reasons": len(reasons)}
+        sizes |= {"nodes": read.length("nodes"), "slots": read.length("charged")}
+        sizes["slots + 1"] = sizes["slots"] + 1
+        sizes["auvs"] = read.width("charged")
+        found: dict[str, Any] = {name: read.text(name) for name in TEXTS}
+        found |= {name: read.number(name, least) for name, least in NUMBERS.items()}
+        found["num_slots"] = int(found["num_slots"])
+        found |= {name: read.array(name, sizes, grid) for name in ARRAYS}
+        if sizes["slots"] > found["num_slots"]:
+            raise read.fault("charged", f"must have at most {found['num_slots']} slots")
+        return cls(
+            seed=read.seed(), grid=grid, splits_slot=read.flag("splits_slot"), reasons=reasons,
+            **found,
+        )  # fmt: skip

@@ -1,0 +1,74 @@
+"""Why packets have not arrived: found when somebody asks, from a slot that is over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from iout_marl.core.reasons import NOT_STATED, Reason
+from iout_marl.core.state import Events, State
+from iout_marl.parts import Request
+from iout_marl.physics.arrays import Array
+
+if TYPE_CHECKING:
+    from iout_marl.world.world import World
+
+#: For each environment, for each AUV: why the packet of the node heard has not arrived, or None
+#: where it has.
+Outcomes = list[list[Reason | None]]
+
+
+def outcomes(world: World, before: State, events: Events, after: State) -> Outcomes:
+    """What came of every uplink of a slot.
+
+    A slot itself computes no reasons. They follow from what it has left behind: the duplex part
+    says why a node has not sent, the access part why what was sent was lost.
+
+    Args:
+        world: the world, on NumPy.
+        before, after: the states between which the slot lies.
+        events: what happened in it.
+
+    Raises:
+        InputError: a part from outside gives something else than flags.
+    """
+    named = world.addressed(before.node_cell, after.cell, events.charged, events.heard)
+    stored_j = world.nodes.gather(before.energy_j, named.heard_index)
+    available_j = world.nodes.gather(events.available_j, named.heard_index)
+    split = world.duplex.split(named.charged_offset, named.heard_offset, stored_j)
+    sends = world.duplex.sends(split, available_j)
+    request = Request(
+        after.cell, events.heard, named.heard_cell, sends, available_j, named.heard_offset
+    )
+    lost = ~np.asarray(events.delivered)
+    found: Outcomes = [[NOT_STATED if each else None for each in row] for row in lost.tolist()]
+    told = np.zeros_like(lost)
+    silent, unheard = ~np.asarray(sends), np.asarray(sends)
+    for part, among, reasons in (
+        (world.duplex, silent, world.duplex.why_silent(split, available_j)),
+        (world.access, unheard, world.access.why_lost(request, split)),
+    ):
+        for reason, flags in _checked(part, reasons, lost.shape):
+            new = flags & among & lost & ~told
+            told |= new
+            for env, auv in np.argwhere(new).tolist():
+                found[env][auv] = reason
+    return found
+
+
+def _checked(
+    part: object, reasons: object, shape: tuple[int, ...]
+) -> list[tuple[Reason, np.typing.NDArray[np.bool_]]]:
+    """Reasons as a part gives them, seen to be such."""
+    fault = getattr(part, "fault")  # noqa: B009 (of every part)
+    if not isinstance(reasons, Mapping):
+        raise fault(f"reasons must be a mapping from Reason to flags, not {type(reasons).__name__}")
+    checked = []
+    for reason, flags in reasons.items():
+        array: Array = np.asarray(flags)
+        if not isinstance(reason, Reason) or array.shape != shape or array.dtype != np.bool_:
+            raise fault(f"reason {reason!r} must have flags of shape {shape}")
+        checked.append((reason, array))
+    return checked

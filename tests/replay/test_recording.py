@@ -1,0 +1,224 @@
+"""A recording is what was played: of any policy, and of somebody's own loop."""
+
+import copy
+import json
+
+import gymnasium
+import numpy as np
+import pytest
+
+import iout_marl
+from iout_marl import InputError, Recording, Trajectory, World, iout_v0, record, record_policy
+from iout_marl.evaluation import play
+from iout_marl.policies import make_baseline
+from iout_marl.render import Snapshot
+from iout_marl.replay import Recorder
+
+#: A charging slot, a sending slot, and several AUVs are among them.
+SCENARIOS = ("paper/k3-fdd", "best/k5-tdd", "multi/m3-k10-fdd")
+
+
+@pytest.fixture(scope="module")
+def data():
+    return record_policy("multi/m2-k10-fdd", "random-walk", 3).to_json()
+
+
+def same(first, second):
+    a, b = first.to_json(), second.to_json()
+    return {key: value for key, value in a.items() if b[key] != value}
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_recording_holds_every_state_and_event(scenario):
+    recording = record_policy(scenario, "random-walk", 7)
+    world = World(scenario)
+    cells = world.grid.coordinate_table() + 1
+    for place, (state, events) in enumerate(play(world, make_baseline("random-walk"), 7)):
+        assert np.array_equal(recording.path[place], cells[state.cell[0]])
+        assert np.array_equal(recording.ages[place], state.age[0])
+        assert np.array_equal(recording.energy_j[place], state.energy_j[0])
+        assert np.array_equal(recording.deliveries[place], state.deliveries[0])
+        if events is None:
+            continue
+        assert np.array_equal(recording.heard[place - 1], events.heard[0] + 1)
+        assert np.array_equal(recording.delivered[place - 1], events.delivered[0])
+        assert np.array_equal(recording.rewards[place - 1], world.reward(state, events)[0])
+        for name in ("beta", "harvested_j", "spent_j", "left_grid", "blocked"):
+            assert np.array_equal(getattr(recording, name)[place - 1], getattr(events, name)[0])
+    assert place == recording.slots == recording.num_slots
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_snapshots_are_those_of_the_world(scenario):
+    recording, world = record_policy(scenario, "greedy"), World(scenario)
+    for place, (state, events) in enumerate(play(world, make_baseline("greedy"))):
+        expected = Snapshot.from_world(world, state, events)
+        found = recording.snapshot(place)
+        for name in Snapshot.__dataclass_fields__:
+            if name not in ("charged", "total_harvested_j"):
+                assert np.array_equal(getattr(found, name), getattr(expected, name)), name
+        assert found.charging() == expected.charging()
+        assert found.total_harvested_j == pytest.approx(expected.total_harvested_j)
+
+
+def test_balance_of_energy():
+    """What nodes have is what they have harvested, less what they have spent."""
+    recording = record_policy("multi/m3-k10-fdd", "tour")
+    for node in range(recording.num_nodes):
+        gained = recording.harvested_j * (recording.charged == node + 1)
+        spent = recording.spent_j * (recording.heard == node + 1)
+        left = np.cumsum((gained - spent).sum(axis=1))
+        assert np.allclose(left, recording.energy_j[1:, node], atol=1e-9 * max(left.max(), 1))
+
+
+def test_json_brings_it_back(tmp_path, data):
+    path = tmp_path / "episode.json"
+    recording = Recording.from_json(data)
+    recording.save(path)
+    found = Recording.load(path)
+    assert same(found, recording) == {}
+    for name, value in vars(recording).items():
+        assert getattr(getattr(found, name), "dtype", None) == getattr(value, "dtype", None)
+    (tmp_path / "scenario.yaml").write_text(found.scenario_yaml)
+    scenario = iout_marl.load_scenario(tmp_path / "scenario.yaml")
+    assert scenario.hash == found.scenario_hash == iout_marl.load_scenario("multi/m2-k10-fdd").hash
+
+
+def test_trajectory_is_a_part_of_it():
+    found = iout_marl.record_episode("best/k5-tdd", "greedy")
+    recording = record_policy("best/k5-tdd", "greedy")
+    assert found == Trajectory.from_recording(recording)
+    only_charged = recording.beta == 1
+    assert only_charged.any()
+    assert np.array_equal(np.array(found.heard) == 0, only_charged)
+    assert np.array_equal(np.array(found.charged) == 0, recording.beta == 0)
+
+
+def own_loop(env, seed):
+    env.reset(seed=seed)
+    rng = np.random.default_rng(seed)
+    while env.agents:
+        env.step({a: rng.integers(0, env.action_space(a).nvec) for a in env.agents})
+    return env.recording
+
+
+@pytest.mark.parametrize("scenario", [*SCENARIOS, "multi/m4-k10-fdd"])
+def test_ones_own_loop_is_recorded(scenario):
+    """A single environment, number by number or by arrays, plays what the world does."""
+    recording = own_loop(record(iout_v0.parallel_env(scenario), "mine"), 5)
+    assert (recording.policy, recording.seed) == ("mine", 5)
+    world, rng = World(scenario), np.random.default_rng(5)
+    state = world.reset(seed=5)
+    for slot in range(world.num_slots):
+        action = [rng.integers(0, world.action_sizes) for _ in range(world.num_auvs)]
+        state, events = world.step(state, np.array([action]))
+        assert np.array_equal(recording.ages[slot + 1], state.age[0])
+        assert np.allclose(recording.energy_j[slot + 1], state.energy_j[0], rtol=1e-12)
+        assert np.array_equal(recording.delivered[slot], events.delivered[0])
+
+
+def test_joint_environment_is_recorded_within_wrappers():
+    inner = gymnasium.make("iout_marl:AUV-v0", scenario="multi/m2-k10-fdd")
+    env = record(gymnasium.wrappers.RecordEpisodeStatistics(inner))
+    env.reset(seed=2)
+    for _ in range(3):
+        env.step(env.action_space.sample())
+    assert (env.recording.slots, env.recording.num_slots) == (3, 100)
+    first = env.recording
+    env.reset()
+    env.step(env.action_space.sample())
+    assert (env.recording.slots, first.slots) == (1, 3), "a reset begins anew"
+
+
+def test_what_cannot_be_recorded():
+    for env in (iout_v0.env("paper/k3-fdd"), gymnasium.make("CartPole-v1"), None):
+        with pytest.raises(InputError, match=r"^env: must be iout_v0\.parallel_env"):
+            record(env)
+    env = record(iout_v0.parallel_env("paper/k3-fdd"))
+    with pytest.raises(RuntimeError, match="has not begun"):
+        _ = env.recording
+    env.reset()
+    with pytest.raises(RuntimeError, match="no slot has been played"):
+        _ = env.recording
+
+
+def test_numbers_without_bounds_are_refused():
+    world = World("paper/k3-fdd")
+    (first, _), (state, events), *_ = play(world, make_baseline("greedy"))
+    recorder = Recorder(world, first, "greedy")
+    recorder.add(events, state._replace(energy_j=state.energy_j + np.inf))
+    with pytest.raises(InputError, match="paper/k3-fdd: energy_j has numbers that are too large"):
+        recorder.recording()
+
+
+def changed(data, key, value):
+    wrong = copy.deepcopy(data)
+    *way, last = key.split(".")
+    part = wrong
+    for step in way:
+        part = part[int(step) if step.isdigit() else step]
+    part[int(last) if last.isdigit() else last] = value
+    return wrong
+
+
+FAULTS = {
+    "format": ("something", "is no recording, as `Recording.save` writes it"),
+    "version": (2, "version must be 1, not 2: record the episode anew"),
+    "scenario": (3, "scenario must be a text, not 3"),
+    "seed": (-1, "seed must be a whole number or null, not -1"),
+    "grid": ([10, 10], "grid must be three numbers of cells, not [10, 10]"),
+    "grid.1": (0, "grid must be three numbers of cells, not [10, 0, 4]"),
+    "splits_slot": (1, "splits_slot must be true or false, not 1"),
+    "slot_s": ("20", "slot_s must be a number from 0, not '20'"),
+    "num_slots": (20, "charged must have at most 20 slots"),
+    "reasons": ([["lost"]], "reasons must be pairs of code and text, not [['lost']]"),
+    "reasons.0.0": ("No Word", "reasons reason 'No Word': a code is a word"),
+    "charged": ([], "charged must be a list that is not empty, not []"),
+    "charged.0": (1, "charged must hold lists that are not empty, not 1"),
+    "charged.3.1": (11, "charged[4, 2] is out of range: 11"),
+    "heard.3.1": (0, "heard[4, 2] is out of range: 0"),
+    "heard.3": ([1, 2, 3], "heard must be 100 × 2 (slots, auvs) of whole numbers"),
+    "heard.3.0": (1.5, "heard must be 100 × 2 (slots, auvs) of whole numbers"),
+    "outcome.0.0": (9, "outcome[1, 1] is out of range: 9"),
+    "path.0.0.2": (9, "path[1, 1, 3] is out of range: 9"),
+    "path.0": ([[1, 1, 1]], "path must be 101 × 2 × 3 (slots + 1, auvs, axes) of whole numbers"),
+    "left_grid.0.0": (1, "left_grid must be 100 × 2 (slots, auvs) of true and false"),
+    "beta.0.0": (1.5, "beta[1, 1] is out of range: 1.5"),
+    "ages.5.2": ("old", "ages must be 101 × 10 (slots + 1, nodes) of numbers"),
+    "energy_j.5.2": (-1.0, "energy_j[6, 3] is out of range: -1.0"),
+}
+
+
+@pytest.mark.parametrize("key", FAULTS)
+def test_faults_of_a_file_are_named(tmp_path, data, key):
+    value, message = FAULTS[key]
+    path = tmp_path / "episode.json"
+    path.write_text(json.dumps(changed(data, key, value)))
+    with pytest.raises(InputError) as raised:
+        Recording.load(path)
+    assert str(raised.value).startswith(f"{path}: {message}")
+
+
+@pytest.mark.parametrize("key", ["policy", "seed", "energy_j", "reasons"])
+def test_what_a_file_lacks_is_named(data, key):
+    wrong = {name: value for name, value in data.items() if name != key}
+    with pytest.raises(InputError, match=f"^recording: {key} is missing$"):
+        Recording.from_json(wrong)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "damaged, it is no JSON"),
+        ('{"format": NaN}', "NaN is no number of JSON"),
+        ("[1, 2]", "is no recording"),
+    ],
+    ids=["empty", "nan", "list"],
+)
+def test_other_files_are_refused(tmp_path, text, message):
+    path = tmp_path / "episode.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        Recording.load(path)
+    with pytest.raises(InputError, match="cannot be read: No such file"):
+        Recording.load(tmp_path / "nothing.json")
