@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+from pathlib import Path
 from typing import Annotated, NoReturn
 
 import numpy as np
@@ -24,15 +25,18 @@ from iout_marl.cli_options import (
     Overrides,
     ScenarioArgument,
     expanded,
+    file,
     give_out,
     take,
     whole,
 )
 from iout_marl.cli_policies import evaluate_all, keep_inputs, planner_budget
+from iout_marl.cli_replay import replay
 from iout_marl.cli_scenario import scenario_app
 from iout_marl.cli_studies import report, reproduce
 from iout_marl.cli_tables import say_outlook, show_breakdown, show_columns
 from iout_marl.cli_train import train
+from iout_marl.errors import InputError
 from iout_marl.evaluation import MAX_EPISODES
 from iout_marl.files import inputs_noted
 from iout_marl.outlook import energy_outlook
@@ -135,6 +139,14 @@ def evaluate_command(
         ),
     ] = 0,
     json_file: JsonFile = None,
+    save_episode: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            parser=file,
+            help="Keep the first episode of one policy as JSON, for iout replay --recording.",
+        ),
+    ] = None,
     *,
     planner_seconds: Annotated[
         float | None,
@@ -185,7 +197,10 @@ def evaluate_command(
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
     take(imports)
     loaded = load_scenario(scenario, overrides or [])
-    keep_inputs(json_file, [*(policy or []), *(planner_start or [])])
+    if save_episode is not None and json_file == save_episode:
+        raise InputError("--json and --save-episode must name different files")
+    for target in (json_file, save_episode):
+        keep_inputs(target, [*(policy or []), *(planner_start or [])])
     results, layouts = evaluate_all(
         loaded,
         policy or list(BASELINES),
@@ -196,6 +211,7 @@ def evaluate_command(
         transfer=transfer,
         sampled=sampled,
         breakdown=nodes,
+        save_episode=save_episode,
     )
     say_outlook(loaded)
     records = [result.to_json() for result in results]
@@ -210,6 +226,7 @@ def evaluate_command(
 
 app.command("bound")(bound_command)
 app.command()(mission)
+app.command()(replay)
 app.command()(new)
 app.add_typer(scenario_app, name="scenario")
 app.command()(schema)

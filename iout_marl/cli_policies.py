@@ -9,6 +9,8 @@ from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.files import refuse_input
 from iout_marl.policies import DEFAULT_BUDGET, Budget, PlannerPolicy, Policy
 from iout_marl.policies.loading import is_run, load_run, members, named_policy
+from iout_marl.replay import Recording
+from iout_marl.replay.recorder import record_player
 from iout_marl.scenario import Scenario
 from iout_marl.words import listed
 
@@ -76,6 +78,7 @@ def evaluate_all(
     transfer: bool,
     sampled: bool,
     breakdown: bool,
+    save_episode: Path | None = None,
 ) -> tuple[list[Evaluation], str]:
     """Run policies by what `load_policy` takes.
 
@@ -89,6 +92,7 @@ def evaluate_all(
         budget: what the planner spends; None for the usual.
         sampled: draw trained policies' actions rather than take the most probable.
         breakdown: also tell each node and each AUV apart.
+        save_episode: where to keep the first episode of the policy, of which there must be one.
 
     Returns:
         the evaluations, and who plays in which layout.
@@ -99,36 +103,73 @@ def evaluate_all(
     runs = [name for name in names if is_run(name)]
     if sampled and not runs:
         raise InputError("--sampled: none of the policies is a trained one, by the folder of a run")
+    if save_episode is not None and len(names) != 1:
+        raise InputError(f"--save-episode: keeps that of one --policy, not of {len(names)}")
     layout = with_layout_of_runs(scenario, [*names, *starts], transfer=transfer)
     planner = None
     if starts or budget is not None:
         if "planner" not in names:
             raise InputError("--planner-…: there is no planner without --policy planner")
         planner = started_planner(layout, starts, budget or DEFAULT_BUDGET, seed, transfer=transfer)
-    # All are looked up before the first is played, which may take its time.
-    players = [
+    players = _players(scenario, layout, names, seed, transfer=transfer, sampled=sampled)
+    if planner is not None:
+        players = [
+            (own, planner if name == "planner" else player)
+            for name, (own, player) in zip(names, players, strict=True)
+        ]
+    results = [evaluate(own, p, episodes, seed, breakdown=breakdown) for own, p in players]
+    if save_episode is not None:
+        own, player = players[0]
+        record_player(own, player, seed, names[0]).save(save_episode)
+    others = [name for name in names if name not in runs]
+    first = next((name for name in [*names, *starts] if is_run(name)), "")
+    where = f", {listed(others)} in that of {first}" if others else ""
+    return results, f"each run in its own layout{where}"
+
+
+def record_named(
+    scenario: Scenario, names: list[str], seed: int, *, transfer: bool, sampled: bool
+) -> list[Recording]:
+    """An episode of each policy, in the layouts that `evaluate_all` plays in.
+
+    Args:
+        scenario, names, seed, transfer, sampled: as there.
+
+    Raises:
+        InputError: one is no policy, or does not fit the scenario.
+    """
+    if sampled and not any(map(is_run, names)):
+        raise InputError("--sampled: none of the policies is a trained one, by the folder of a run")
+    layout = with_layout_of_runs(scenario, names, transfer=transfer)
+    players = _players(scenario, layout, names, seed, transfer=transfer, sampled=sampled)
+    return [
+        record_player(own, player, seed, name)
+        for name, (own, player) in zip(names, players, strict=True)
+    ]
+
+
+def _players(
+    scenario: Scenario,
+    layout: Scenario,
+    names: list[str],
+    seed: int,
+    *,
+    transfer: bool,
+    sampled: bool,
+) -> list[tuple[Scenario, Policy]]:
+    """The policies, and what each plays: runs their own layout, others that of `layout`.
+
+    All are looked up before the first is played, which may take its time.
+    """
+    return [
         player_named(
-            scenario if name in runs and not transfer else layout,
+            scenario if is_run(name) and not transfer else layout,
             *(name, seed, "--policy"),
             transfer=transfer,
             sampled=sampled,
         )
         for name in names
     ]
-    results = [
-        evaluate(
-            own,
-            planner if name == "planner" and planner else player,
-            episodes,
-            seed,
-            breakdown=breakdown,
-        )
-        for name, (own, player) in zip(names, players, strict=True)
-    ]
-    others = [name for name in names if name not in runs]
-    first = next((name for name in [*names, *starts] if is_run(name)), "")
-    where = f", {listed(others)} in that of {first}" if others else ""
-    return results, f"each run in its own layout{where}"
 
 
 def planner_budget(seconds: float | None, rounds: int | None) -> Budget | None:

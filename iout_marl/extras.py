@@ -10,6 +10,7 @@ from iout_marl.errors import InputError
 EXTRAS = {
     "cluster": ("distributed",),
     "emissions": ("codecarbon",),
+    "film": ("imageio_ffmpeg", "matplotlib", "moviepy"),
     "mission": ("pyproj",),
     "report": ("jinja2", "matplotlib", "plotly"),
     "sb3": ("stable_baselines3",),

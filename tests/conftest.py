@@ -5,6 +5,7 @@ import sys
 
 import pytest
 import torch
+from browsers import browser  # noqa: F401 (a fixture)
 from tiny_study import TINY
 
 from iout_marl import load_scenario, metrics, outside

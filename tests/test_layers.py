@@ -20,6 +20,7 @@ LAYERS = (
         "iout_marl.errors",
         "iout_marl.extras",
         "iout_marl.files",
+        "iout_marl.inline",
         "iout_marl.machine",
         "iout_marl.outside",
         "iout_marl.signals",

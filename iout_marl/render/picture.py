@@ -11,13 +11,14 @@ import numpy.typing as npt
 from rich.cells import cell_len
 
 from iout_marl.render import style
+from iout_marl.render.hull import hull_path
 from iout_marl.render.labels import energy_text, energy_unit, number_text, shortened
 from iout_marl.render.layout import axis_top, round_step
 from iout_marl.render.panel import Panel
-from iout_marl.render.projection import FROM_ABOVE, FROM_THE_SIDE, Projection, hull
+from iout_marl.render.projection import FROM_ABOVE, FROM_THE_SIDE, Projection
 from iout_marl.render.scene import Scene
 from iout_marl.render.settings import drawing
-from iout_marl.render.snapshot import Floats, Snapshot
+from iout_marl.render.snapshot import Floats, Integers, Snapshot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,19 +26,24 @@ if TYPE_CHECKING:
 _MOST_VALUES = 14  # nodes whose numbers fit above their bars
 
 
-def as_picture(snapshot: Snapshot) -> npt.NDArray[np.uint8]:
+def as_picture(snapshot: Snapshot, trail: Integers | None = None) -> npt.NDArray[np.uint8]:
     """The environment as pixels, (600, 960, 3).
 
     To the left the map from above: the colour of a node is its age, the ring around it
     closes when the energy stored pays an uplink over half the grid; AUVs carry their
     depth, and lines show what they charged and heard in the last slot. To the right the
     same from the side, z downwards, and the age and the energy of every node.
+
+    Args:
+        snapshot: what is shown.
+        trail: (places, auvs, 3) cells where the AUVs were in the slots before; None for no trail.
     """
     title = shortened(snapshot.title, 42)
     with drawing(title) as replaced:
         s = snapshot.drawable()
         return _draw(
             s,
+            trail,
             _Frame(
                 title=title.translate(replaced),
                 duplex=s.duplex,
@@ -100,11 +106,11 @@ def _new_figure() -> tuple[Figure, Any]:
     return figure, FigureCanvasAgg(figure)  # whose methods have no types
 
 
-def _draw(s: Snapshot, frame: _Frame) -> npt.NDArray[np.uint8]:
+def _draw(s: Snapshot, trail: Integers | None, frame: _Frame) -> npt.NDArray[np.uint8]:
     figure, canvas = _new_figure()
     colours = _age_colours()[_age_shades(s.ages, frame.age_top)]
     _draw_progress(figure, s)
-    scene = Scene.from_snapshot(s)
+    scene = Scene.from_snapshot(s, trail)
     for projection in frame.projections(figure):
         projection.draw(scene, colours)
     ages, energies = frame.bars(figure)
@@ -287,7 +293,7 @@ def _draw_legend(figure: Figure, yardstick_j: float) -> None:
 
     ring = f"ring: energy stored, closed at {energy_text(yardstick_j)}"
     handles = [
-        line("AUV at depth z", color="none", marker=hull(), ms=22, mfc=style.AUV, mec="none"),
+        line("AUV at depth z", color="none", marker=hull_path(), ms=22, mfc=style.AUV, mec="none"),
         line("charging", color=style.ENERGY, alpha=0.45, lw=6.5),
         line("packet delivered", color=style.DATA, lw=1.6, marker=">", ms=6),
         line("no packet", color=style.FAILED, lw=1.6, ls=(0, (4, 2.5)), marker="X", ms=7),

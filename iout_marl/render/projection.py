@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from iout_marl.render import style
+from iout_marl.render.hull import hull_path
 from iout_marl.render.labels import auv_name
 from iout_marl.render.layout import freest, place_auvs, place_nodes, round_step
 from iout_marl.render.panel import Panel
@@ -16,7 +17,6 @@ from iout_marl.render.snapshot import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from matplotlib.path import Path
 
 
 _MOST_CELL_PX = 90  # beyond which the cells of a small grid do not grow
@@ -116,11 +116,12 @@ class Projection:
     def _draw_trails(self, scene: Scene, node_at: Floats) -> None:
         """Where the AUVs came from, whom they charged and heard on their way.
 
-        Each place lies a little beside the one before: a cell that an AUV comes through once more,
-        and a way that it takes once more, are seen.
+        Of a whole episode each place lies a little beside the one before: a cell that an AUV comes
+        through once more, and a way that it takes once more, are seen.
         """
         places = scene.path[..., self._seen].astype(np.float64)  # (places, auvs, 2)
-        places += np.linspace(-_ASIDE, 0, len(places))[:, None, None] * (1, self._view.up)
+        if scene.from_start:
+            places += np.linspace(-_ASIDE, 0, len(places))[:, None, None] * (1, self._view.up)
         steps = np.stack([places[:-1], places[1:]], axis=2)  # (slots, auvs, ends, 2)
         colours = style.trail_colours(len(steps), scene.num_auvs)
         self._panel.draw_segments(
@@ -136,6 +137,8 @@ class Projection:
             if what in style.MARKS:
                 mark = {"marker": style.MARKS[what], "ms": 3.4, "mew": 0, "ls": "none"}
                 self._panel.draw_line(*at.T, color=colour, zorder=2, **mark)
+        if not scene.from_start:
+            return
         start = {"marker": "o", "ms": 9, "mfc": "none", "mew": 1.3, "ls": "none"}
         self._panel.draw_line(*places[0].T, color=style.INK, zorder=2.1, **start)
 
@@ -206,7 +209,7 @@ class Projection:
         from matplotlib.patches import PathPatch
         from matplotlib.transforms import Affine2D
 
-        shape = hull()
+        shape = hull_path()
         hulls = [
             PathPatch(shape.transformed(Affine2D().scale(length).translate(x, y)))
             for (x, y), length in zip(auv_at, auv_size, strict=True)
@@ -260,29 +263,3 @@ class Projection:
                 zorder=4.2,
                 bbox={"boxstyle": "round,pad=0.18", "fc": "white", "ec": "none", "alpha": 0.8},
             )
-
-
-def hull() -> Path:
-    """An AUV of length 1 around the origin, its nose to the right."""
-    from matplotlib.path import Path
-
-    upper: list[tuple[np.uint8, tuple[float, float]]] = [
-        (Path.MOVETO, (-0.5, 0.0)),
-        (Path.LINETO, (-0.5, 0.21)),  # tail fin
-        (Path.LINETO, (-0.43, 0.21)),
-        (Path.LINETO, (-0.36, 0.1)),
-        (Path.CURVE4, (-0.3, 0.16)),  # body
-        (Path.CURVE4, (-0.22, 0.185)),
-        (Path.CURVE4, (-0.12, 0.185)),
-        (Path.LINETO, (0.22, 0.185)),
-        (Path.CURVE4, (0.4, 0.185)),  # nose
-        (Path.CURVE4, (0.5, 0.1)),
-        (Path.CURVE4, (0.5, 0.0)),
-    ]
-    # The lower half is the upper one, backwards; a segment's code stands at its end.
-    codes = [code for code, _ in upper]
-    points = [point for _, point in upper]
-    codes += [*codes[:0:-1], Path.CLOSEPOLY]
-    points += [(x, -y) for x, y in reversed(points[:-1])]
-    points.append(points[0])
-    return Path(points, codes)

@@ -52,6 +52,7 @@ class Scene:
         earlier: what passed in the slots before.
         charge: (nodes,) share of a full gauge of energy, from 0 to 1; None where it is not shown.
         tags: what stands beside each AUV; empty for nothing.
+        from_start: whether the path begins where the episode does.
     """
 
     grid_shape: tuple[int, int, int]
@@ -61,10 +62,16 @@ class Scene:
     earlier: tuple[Link, ...] = ()
     charge: Floats | None = None
     tags: tuple[str, ...] = ()
+    from_start: bool = True
 
     @classmethod
-    def from_snapshot(cls, snapshot: Snapshot) -> Scene:
-        """The slot of a snapshot: depths beside the AUVs, and in TDD their β."""
+    def from_snapshot(cls, snapshot: Snapshot, trail: Integers | None = None) -> Scene:
+        """The slot of a snapshot: depths beside the AUVs, and in TDD their β.
+
+        Args:
+            snapshot: the slot.
+            trail: (places, auvs, 3) cells where the AUVs were before, as far as that is shown.
+        """
         links = [Link(Passed.CHARGE, 0, auv, node) for auv, node in snapshot.charging()]
         links += [
             Link(Passed.PACKET if arrived else Passed.LOSS, 0, auv, node)
@@ -73,13 +80,15 @@ class Scene:
         depths = [f"z {z}" for z in snapshot.auv_positions[:, 2]]
         if snapshot.splits_slot and snapshot.beta is not None:
             depths = [f"{z}  β {b:.2f}" for z, b in zip(depths, snapshot.beta, strict=True)]
+        here = snapshot.auv_positions[None]
         return cls(
             grid_shape=snapshot.grid_shape,
             nodes=snapshot.node_positions,
-            path=snapshot.auv_positions[None],
+            path=here if trail is None else np.concatenate([trail, here]),
             links=tuple(links),
             charge=np.minimum(snapshot.energies_j / snapshot.energy_yardstick_j, 1.0),
             tags=tuple(depths),
+            from_start=False,
         )
 
     @classmethod

@@ -20,6 +20,12 @@ WATER, AUV = "#f2f7fb", "#14334d"
 # From the palette of Okabe and Ito, told apart whatever the eye's colour vision.
 ENERGY, DATA, FAILED = "#e69f00", "#0072b2", "#d55e00"
 AGE_COLOURS = "viridis_r"
+#: The same at seventeen ages from 1 to A_max, for what draws without matplotlib.
+AGE_STOPS = (
+    *("#fde725", "#d5e21a", "#aadc32", "#81d34d", "#5cc863", "#3dbc74"),
+    *("#27ad81", "#1f9f88", "#21908d", "#26818e", "#2c718e", "#33628d"),
+    *("#3b518b", "#423f85", "#472c7a", "#481769", "#440154"),
+)
 #: What passes between AUVs and nodes: colours and dashes, and the mark where the AUV was.
 LINKS = {Passed.CHARGE: ENERGY, Passed.PACKET: DATA, Passed.LOSS: FAILED}
 DASHES = {Passed.CHARGE: "-", Passed.PACKET: "-", Passed.LOSS: (0, (4, 2.5))}

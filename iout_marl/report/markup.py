@@ -13,6 +13,7 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
+from iout_marl.inline import json_for_script
 from iout_marl.render.labels import printable, shortened
 
 #: Stands for a backtick of a user's, which marks no code; Unicode keeps it free for programs.
@@ -62,7 +63,7 @@ def html_cell(text: str) -> Markup:
 
 def json_script(text: str) -> Markup:
     """JSON for a script element, which no text in it can end."""
-    return Markup(re.sub(r"[<>&\u2028\u2029]", lambda m: f"\\u{ord(m[0]):04x}", text))
+    return Markup(json_for_script(text))
 
 
 def plotly_text(text: str, length: int | None = None) -> str:

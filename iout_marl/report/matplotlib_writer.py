@@ -11,9 +11,10 @@ import numpy as np
 from rich.cells import cell_len
 
 from iout_marl.render import style
+from iout_marl.render.hull import hull_path
 from iout_marl.render.labels import auv_name
 from iout_marl.render.panel import Panel
-from iout_marl.render.projection import FROM_ABOVE, FROM_THE_SIDE, Projection, hull
+from iout_marl.render.projection import FROM_ABOVE, FROM_THE_SIDE, Projection
 from iout_marl.render.scene import Passed, Scene
 from iout_marl.render.settings import drawing
 from iout_marl.report.figure import Figure, Plot, TrajectoryPlot
@@ -248,7 +249,7 @@ def _trajectory_entries(scene: Scene) -> list[Any]:
     def entry(label: str, **options: Any) -> Line2D:
         return Line2D([], [], label=label, **options)
 
-    nose: dict[str, Any] = {"ls": "none", "marker": hull(), "ms": 18, "mec": "none"}
+    nose: dict[str, Any] = {"ls": "none", "marker": hull_path(), "ms": 18, "mec": "none"}
     ends = [("end", style.AUV)]
     if scene.num_auvs > 1:
         shown = range(min(scene.num_auvs, _MOST_AUVS))

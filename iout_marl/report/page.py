@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import jinja2
 from markupsafe import Markup
 
+from iout_marl.inline import code_for_script
 from iout_marl.report.document import Answers, Report, Table, Verdict
 from iout_marl.report.figure import Figure, TrajectoryPlot
 from iout_marl.report.markup import html_cell, html_text, json_script, plain_text
@@ -71,7 +72,7 @@ def render_page(report: Report, pictures: Mapping[str, bytes] | None = None) -> 
         verdicts=_VERDICTS,
         style=inlined("report.css"),
         script=inlined("report.js"),
-        plotly=Markup(_as_script(_plotly())) if any(report.figures()) else "",
+        plotly=Markup(code_for_script(_plotly())) if any(report.figures()) else "",
         data={f.key: json_script(plotly_json(f)) for f in report.figures()},
         pictures={key: _data_uri(svg) for key, svg in pictures.items()},
         alt={figure.key: _alternative(figure) for figure in report.figures()},
@@ -96,11 +97,6 @@ def _plotly() -> str:
     keep that from being done."""
     path = importlib.resources.files("plotly") / "package_data" / "plotly.min.js"
     return path.read_text(encoding="utf-8")
-
-
-def _as_script(code: str) -> str:
-    # Both would end a script element early or keep it from ending.
-    return code.replace("</script", r"<\/script").replace("<!--", r"<\!--")
 
 
 def _data_uri(svg: bytes) -> str:

@@ -1,4 +1,4 @@
-"""A browser, for the tests that open the report's page."""
+"""A browser, for the tests that open pages."""
 
 import os
 import shutil

@@ -1,0 +1,133 @@
+// What the page shows: episodes as `page.py` has written them, and words for what happened.
+
+const PAGE = JSON.parse(document.getElementById("data").textContent);
+const LOOK = PAGE.look;
+
+/** A, B, … Z, AA, … for AUVs counted from 0. */
+function auvName(index) {
+  let name = "";
+  for (index += 1; index > 0; index = Math.floor((index - 1) / 26)) {
+    name = String.fromCharCode(65 + ((index - 1) % 26)) + name;
+  }
+  return name;
+}
+
+const PREFIXES = { "-12": "p", "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T" };
+
+/** An energy with three digits and a unit. */
+function energyText(joules) {
+  if (!(joules >= 1e-12)) return "0 J";
+  const exponent = Math.min(Math.max(3 * Math.floor(Math.log10(joules) / 3), -12), 12);
+  return Number((joules / 10 ** exponent).toPrecision(3)) + " " + PREFIXES[exponent] + "J";
+}
+
+const decimals = (value, digits) =>
+  value < 1e5 ? value.toFixed(digits) : Number(value.toPrecision(3)).toString();
+
+/** Seconds as 45 s, 3 min 20 s, 2 h 5 min. */
+function durationText(seconds) {
+  const whole = Math.round(seconds);
+  const h = Math.floor(whole / 3600), min = Math.floor(whole / 60) % 60, s = whole % 60;
+  if (h) return min ? `${h} h ${min} min` : `${h} h`;
+  if (min) return s ? `${min} min ${s} s` : `${min} min`;
+  return `${whole < 10 ? Number(seconds.toPrecision(2)) : whole} s`;
+}
+
+/** Colour of an age, from 1 to A_max, as [red, green, blue] from 0 to 1. */
+function ageColour(age, maximum) {
+  const share = Math.min(Math.max((age - 1) / Math.max(maximum - 1, 1), 0), 1);
+  const at = share * (LOOK.ages.length - 1), low = Math.min(Math.floor(at), LOOK.ages.length - 2);
+  const parts = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255);
+  const a = parts(LOOK.ages[low]), b = parts(LOOK.ages[low + 1]);
+  return a.map((part, i) => part + (b[i] - part) * (at - low));
+}
+const css = (rgb) => `rgb(${rgb.map((part) => Math.round(part * 255)).join(",")})`;
+const isBright = ([r, g, b]) => 0.299 * r + 0.587 * g + 0.114 * b > 0.5;
+
+/** One episode. Cells are counted from 1, AUVs, nodes, slots and places from 0. */
+class Episode {
+  constructor(data) {
+    Object.assign(this, data);
+    this.numNodes = this.nodes.length;
+    this.slots = this.charged.length / this.auvs;
+    this.meanAges = Array.from({ length: this.slots + 1 }, (_, place) => {
+      let sum = 0;
+      for (let node = 0; node < this.numNodes; node++) sum += this.age(place, node);
+      return sum / this.numNodes;
+    });
+    this.deliveries = [new Array(this.numNodes).fill(0)];
+    for (let slot = 0; slot < this.slots; slot++) {
+      const counts = this.deliveries[slot].slice();
+      for (const link of this.links(slot)) if (link.arrived) counts[link.heard] += 1;
+      this.deliveries.push(counts);
+    }
+  }
+
+  /** Cell of an AUV after `place` slots. */
+  cell(place, auv) {
+    const at = 3 * (place * this.auvs + auv);
+    return this.path.slice(at, at + 3);
+  }
+  age(place, node) {
+    return this.ages[place * this.numNodes + node];
+  }
+  energy(place, node) {
+    return this.energies[place * this.numNodes + node];
+  }
+  /** Share of a full gauge. */
+  gauge(place, node) {
+    return Math.min(this.energy(place, node) / this.gauge_j, 1);
+  }
+
+  /** What each AUV did in a slot, and what came of it. */
+  links(slot) {
+    return Array.from({ length: this.auvs }, (_, auv) => {
+      const at = slot * this.auvs + auv;
+      return {
+        auv,
+        charged: this.charged[at] - 1, // −1 for nobody
+        heard: this.heard[at] - 1,
+        arrived: this.outcome[at] === 0,
+        reason: this.outcome[at] ? this.reasons[this.outcome[at] - 1] : null,
+        harvested_j: this.harvested[at],
+        spent_j: this.spent[at],
+        beta: this.beta ? this.beta[at] : null,
+        stayed: this.stayed[at],
+      };
+    });
+  }
+
+  /** How an AUV moved in a slot. */
+  moveText(slot, auv) {
+    const stayed = this.stayed[slot * this.auvs + auv];
+    if (stayed === 1) return "stayed: edge of the grid";
+    if (stayed === 2) return "stayed: another AUV too near";
+    const from = this.cell(slot, auv), to = this.cell(slot + 1, auv);
+    const words = ["x", "y", "z"].flatMap((axis, i) => {
+      const step = to[i] - from[i];
+      if (!step) return [];
+      return [(step > 0 ? "+" : "−") + (Math.abs(step) > 1 ? Math.abs(step) : "") + axis];
+    });
+    return words.length ? words.join(" ") : "hovered";
+  }
+
+  /** Jain's index of the deliveries so far. */
+  jain(place) {
+    const counts = this.deliveries[place];
+    const sum = counts.reduce((a, b) => a + b, 0);
+    return sum ? sum ** 2 / (this.numNodes * counts.reduce((a, b) => a + b * b, 0)) : 0;
+  }
+  delivered(place) {
+    return this.deliveries[place].reduce((a, b) => a + b, 0);
+  }
+  /** Mean over the slots so far of the mean age. */
+  meanSoFar(place) {
+    if (!place) return this.meanAges[0];
+    return this.meanAges.slice(1, place + 1).reduce((a, b) => a + b, 0) / place;
+  }
+}
+
+const EPISODES = PAGE.episodes.map((data) => new Episode(data));
+const SLOTS = Math.max(...EPISODES.map((episode) => episode.slots));
+/** Where an episode is when the clock is at a place: one that is over stays at its end. */
+const within = (episode, place) => Math.min(place, episode.slots);

@@ -1,0 +1,190 @@
+// The grid from above and from the side, as SVG.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function svg(name, attributes = {}, ...children) {
+  const element = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  element.append(...children);
+  return element;
+}
+
+/** The part of a ring around (0, 0) that a share of it fills, clockwise from the top. */
+function arc(radius, share) {
+  if (share >= 0.999) share = 0.999;
+  const angle = 2 * Math.PI * share;
+  const x = radius * Math.sin(angle), y = -radius * Math.cos(angle);
+  return `M0 ${-radius}A${radius} ${radius} 0 ${share > 0.5 ? 1 : 0} 1 ${x} ${y}`;
+}
+
+const ROUND_STEPS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
+const stepFrom = (least) => ROUND_STEPS.find((step) => step >= least) ?? Math.ceil(least);
+
+class Flat {
+  /**
+   * @param host element that takes the picture.
+   * @param episode what is shown.
+   * @param axes the grid's axes to the right and up (or down) the picture.
+   * @param up whether the second one grows upwards.
+   * @param places centres and radii of the nodes in cells.
+   * @param name what the picture is called.
+   */
+  constructor(host, episode, axes, up, places, name, pick) {
+    Object.assign(this, { episode, axes, up, places });
+    const [columns, rows] = axes.map((axis) => episode.grid[axis]);
+    this.px = 400 / Math.max(columns, 6); // units of a cell
+    const width = columns * this.px, height = rows * this.px;
+    this.height = height;
+    const left = 26, below = 22;
+    this.root = svg("svg", {
+      viewBox: `${-left} -6 ${width + left + 6} ${height + below + 6}`, role: "img",
+      "aria-label": name,
+    });
+    this.root.append(svg("rect", { width, height, class: "water" }));
+    this.drawAxes(columns, rows, width, height);
+    this.links = svg("g");
+    this.nodes = svg("g");
+    this.auvs = svg("g");
+    this.root.append(this.links, this.nodes, this.auvs);
+    this.marks = episode.nodes.map((_, i) => this.addNode(i, pick));
+    host.append(this.root);
+  }
+
+  drawAxes(columns, rows, width, height) {
+    const every = stepFrom(9 / this.px), numbered = stepFrom(30 / this.px);
+    let way = "";
+    for (let i = 0; i <= columns; i += every) way += `M${i * this.px} 0V${height}`;
+    for (let i = 0; i <= rows; i += every) way += `M0 ${i * this.px}H${width}`;
+    this.root.append(svg("path", { d: way, class: "grid" }));
+    const text = (x, y, words, anchor) =>
+      this.root.append(svg("text", { x, y, "text-anchor": anchor, class: "axis" }, words));
+    for (let i = 1; i <= columns; i += numbered) text((i - 0.5) * this.px, height + 15, i, "middle");
+    for (let i = 1; i <= rows; i += numbered) text(-7, this.y(i) + 4, i, "end");
+    text(width - 2, height + 15, "xyz"[this.axes[0]], "end");
+    const end = this.up ? 10 : height - 2;
+    this.root.append(svg("text", { x: -18, y: end, class: "axis" }, "xyz"[this.axes[1]]));
+  }
+
+  x = (cells) => (cells - 0.5) * this.px;
+  y = (cells) => (this.up ? this.height - (cells - 0.5) * this.px : (cells - 0.5) * this.px);
+
+  addNode(index, pick) {
+    const [x, y, radius] = this.places[index], size = radius * this.px;
+    const group = svg("g", { class: "mark", transform: `translate(${this.x(x)} ${this.y(y)})` });
+    const chosen = svg("circle", { r: size + 4, class: "chosen" });
+    const track = svg("circle", { r: size * 0.87, class: "track", "stroke-width": size * 0.26 });
+    const ring = svg("path", { class: "ring", "stroke-width": size * 0.26 });
+    const disc = svg("circle", { r: size * 0.74, class: "disc" });
+    const number = String(index + 1);
+    const letters = svg(
+      "text",
+      { class: "number", "font-size": size * [0.95, 0.85, 0.6][number.length - 1], dy: "0.36em" },
+      number
+    );
+    const hint = svg("title");
+    // A finger is wider than a node.
+    const reach = svg("circle", { r: Math.max(size, 16), class: "reach" });
+    group.append(hint, chosen, track, ring, disc, letters, reach);
+    group.addEventListener("click", () => pick(index));
+    this.nodes.append(group);
+    return { group, ring, disc, letters, hint, radius: size * 0.87 };
+  }
+
+  /** Where an AUV is at a time: in cells of the picture. */
+  auvAt(time, auv) {
+    const episode = this.episode, place = Math.ceil(time);
+    const from = episode.cell(Math.max(place - 1, 0), auv), to = episode.cell(place, auv);
+    const done = place ? Math.min((time - place + 1) / CHARGE_FROM, 1) : 1;
+    const eased = done * done * (3 - 2 * done);
+    const [x, y] = this.axes.map((axis) => from[axis] + (to[axis] - from[axis]) * eased);
+    const here = (cell) => this.axes.every((axis) => cell[axis] === to[axis]);
+    let raised = episode.nodes.some(here) ? 0.38 * eased : 0;
+    for (let other = 0; other < auv; other++) if (here(episode.cell(place, other))) raised -= 0.34;
+    return [this.x(x), this.y(y) - raised * this.px];
+  }
+
+  show(time, chosen) {
+    const episode = this.episode;
+    time = Math.min(time, episode.slots);
+    const place = Math.ceil(time), share = place ? time - place + 1 : 1;
+    const seen = share > 0.8 ? place : Math.max(place - 1, 0);
+    this.marks.forEach((mark, i) => {
+      const age = episode.age(seen, i), colour = ageColour(age, episode.max_age);
+      const gauge = episode.gauge(seen, i);
+      mark.disc.setAttribute("fill", css(colour));
+      mark.letters.setAttribute("fill", isBright(colour) ? "#22303c" : "#fff");
+      mark.ring.setAttribute("d", gauge > 0.001 ? arc(mark.radius, gauge) : "");
+      mark.group.classList.toggle("is-chosen", i === chosen);
+      mark.hint.textContent =
+        `node ${i + 1}: age ${age} slots, ${energyText(episode.energy(seen, i))} stored`;
+    });
+    this.showTrails(time, place);
+    if (place && share > CHARGE_FROM) this.addLinks(time, place - 1, share > UPLINK_FROM);
+    this.showAuvs(time);
+  }
+
+  showTrails(time, place) {
+    this.links.replaceChildren();
+    for (let auv = 0; auv < this.episode.auvs; auv++) {
+      const points = [];
+      for (let i = Math.max(place - LOOK.trail, 0); i < place; i++) {
+        const cell = this.episode.cell(i, auv);
+        points.push([this.x(cell[this.axes[0]]), this.y(cell[this.axes[1]])]);
+      }
+      points.push(this.auvAt(time, auv));
+      for (let i = 1; i < points.length; i++) {
+        this.links.append(
+          svg("path", {
+            d: `M${points[i - 1]}L${points[i]}`, class: "trail", stroke: auvColour(this.episode, auv),
+            opacity: 0.12 + (0.6 * i) / points.length,
+          })
+        );
+      }
+    }
+  }
+
+  addLinks(time, slot, withUplinks) {
+    const at = (node) => [this.x(this.places[node][0]), this.y(this.places[node][1])];
+    const add = (kind, from, to) =>
+      this.links.append(svg("path", { d: `M${from}L${to}`, class: kind }));
+    const links = this.episode.links(slot);
+    for (const link of links) {
+      if (link.charged >= 0) add("charging", this.auvAt(time, link.auv), at(link.charged));
+    }
+    for (const link of withUplinks ? links : []) {
+      const from = at(link.heard), to = this.auvAt(time, link.auv);
+      add(link.arrived ? "packet" : "loss", from, to);
+      const way = [to[0] - from[0], to[1] - from[1]];
+      if (Math.hypot(...way) < 26) continue; // no room for a symbol
+      const angle = (Math.atan2(way[1], way[0]) * 180) / Math.PI;
+      const middle = `translate(${from[0] + way[0] / 2} ${from[1] + way[1] / 2})`;
+      this.links.append(
+        link.arrived
+          ? svg("path", { d: "M-5-6L7 0L-5 6z", class: "head", transform: `${middle} rotate(${angle})` })
+          : svg("path", { d: "M-5-5L5 5M5-5L-5 5", class: "cross", transform: middle })
+      );
+    }
+  }
+
+  showAuvs(time) {
+    this.auvs.replaceChildren();
+    const size = Math.max(this.px * 0.9, 22);
+    for (let auv = 0; auv < this.episode.auvs; auv++) {
+      const [x, y] = this.auvAt(time, auv);
+      const group = svg("g", { transform: `translate(${x} ${y})` });
+      group.append(
+        svg("path", { d: LOOK.hull, transform: `scale(${size})`, class: "hull", fill: auvColour(this.episode, auv) })
+      );
+      if (this.episode.auvs > 1) {
+        group.append(
+          svg("text", { class: "number", "font-size": size * 0.34, dy: "0.36em", fill: "#fff" }, auvName(auv))
+        );
+      }
+      this.auvs.append(group);
+    }
+  }
+}
+
+/** The colour of an AUV, as CSS. */
+const auvColour = (episode, auv) =>
+  episode.auvs > 1 ? LOOK.auvs[auv % LOOK.auvs.length] : "var(--auv)";

@@ -1,0 +1,33 @@
+"""The frames of a film of an episode, or of two side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from iout_marl.render import as_picture
+from iout_marl.render.film import Frame
+from iout_marl.replay.recording import Recording
+
+#: Slots that the trail behind an AUV reaches back.
+TRAIL_SLOTS = 12
+
+
+def frames(recordings: Sequence[Recording]) -> Iterator[Frame]:
+    """A picture of the start and one after each slot, (600, 960, 3), of two 1920 wide.
+
+    An episode that is over waits at its end. Where there are two, each is titled by its policy.
+    """
+    for place in range(max(recording.slots for recording in recordings) + 1):
+        yield np.concatenate([_frame(r, place, len(recordings) > 1) for r in recordings], axis=1)
+
+
+def _frame(recording: Recording, place: int, is_compared: bool) -> Frame:  # noqa: FBT001
+    place = min(place, recording.slots)
+    snapshot = recording.snapshot(place)
+    if is_compared:
+        snapshot = replace(snapshot, title=f"{recording.policy}, {recording.scenario}")
+    trail = recording.path[max(place - TRAIL_SLOTS, 0) : place]
+    return as_picture(snapshot, trail if len(trail) else None)

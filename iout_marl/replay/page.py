@@ -1,0 +1,164 @@
+"""An episode as a web page that plays it, alone or beside another; it needs nothing else."""
+
+from __future__ import annotations
+
+import html
+import importlib.resources
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.errors import InputError
+from iout_marl.files import to_json
+from iout_marl.inline import code_for_script, json_for_script
+from iout_marl.render import style
+from iout_marl.render.hull import hull_svg
+from iout_marl.render.labels import energy_text, printable
+from iout_marl.render.layout import place_nodes
+from iout_marl.replay.film import TRAIL_SLOTS
+from iout_marl.replay.recording import Recording
+from iout_marl.words import counted, listed
+
+#: Episodes that a page shows side by side at most.
+MOST_EPISODES = 2
+
+
+_SCRIPTS = ("data.js", "space.js", "flat.js", "charts.js", "player.js")
+
+
+def render_page(recordings: Sequence[Recording]) -> str:
+    """The page, an HTML document.
+
+    Args:
+        recordings: one episode, or two to be compared.
+
+    Raises:
+        InputError: there are none or too many, or their slots are not equally long.
+    """
+    check_together(recordings)
+    first = recordings[0]
+    names = [printable(r.scenario) for r in recordings]
+    parts = {
+        "title": html.escape(f"{names[0]}: {listed([printable(r.policy) for r in recordings])}"),
+        "style": _asset("page.css"),
+        "data": json_for_script(
+            to_json(
+                {
+                    "scenario": listed(list(dict.fromkeys(names))),
+                    "facts": _facts(first),
+                    "legend": _legend(recordings),
+                    "look": _look(),
+                    "episodes": [_episode(recording) for recording in recordings],
+                }
+            )
+        ),
+        "three": code_for_script(_asset("three", "three.min.js")),
+        "script": "(() => {\n" + "\n".join(map(_asset, _SCRIPTS)) + "\n})();",
+    }
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _asset("page.html"))
+
+
+def check_together(recordings: Sequence[Recording]) -> None:
+    """See that a page can show these side by side.
+
+    Raises:
+        InputError: it cannot.
+    """
+    if not 1 <= len(recordings) <= MOST_EPISODES:
+        raise InputError(f"a replay shows one episode or two, not {len(recordings)}")
+    lengths = {recording.slot_s for recording in recordings}
+    if len(lengths) > 1:
+        raise InputError(
+            "a replay has one clock, but slots last "
+            + listed([f"{recording.slot_s:g} s" for recording in recordings])
+        )
+
+
+def _asset(*path: str) -> str:
+    folder = importlib.resources.files("iout_marl.replay") / "assets"
+    return folder.joinpath(*path).read_text(encoding="utf-8")
+
+
+def _facts(recording: Recording) -> str:
+    """The scenario in one line."""
+    return " · ".join(
+        [
+            recording.duplex,
+            counted(recording.num_nodes, "node"),
+            counted(recording.num_auvs, "AUV"),
+            f"{' × '.join(map(str, recording.grid))} cells of {recording.spacing_m:g} m",
+            f"{counted(recording.num_slots, 'slot')} of {recording.slot_s:g} s",
+            *([] if recording.seed is None else [f"seed {recording.seed}"]),
+            f"scenario {printable(recording.scenario_hash)}",
+        ]
+    )
+
+
+def _legend(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
+    """What each kind of mark stands for."""
+    oldest = listed(list(dict.fromkeys(f"{r.maximum_age:g}" for r in recordings)))
+    gauge = energy_text(recordings[0].snapshot(0).energy_yardstick_j)
+    return [
+        ("age", f"age of a node, 1 to {oldest} slots"),
+        ("energy", f"energy stored; full at {gauge}, an uplink over half the grid"),
+        ("charge", "charging"),
+        ("data", "packet arrived"),
+        ("fail", "no packet"),
+    ]
+
+
+def _look() -> dict[str, Any]:
+    return {
+        "ages": style.AGE_STOPS,
+        "energy": style.ENERGY,
+        "data": style.DATA,
+        "failed": style.FAILED,
+        "chosen": style.FAILED,
+        "auvs": style.AUVS,
+        "trail": TRAIL_SLOTS,
+        "hull": hull_svg(),
+    }
+
+
+def _episode(r: Recording) -> dict[str, Any]:
+    """What the page knows of an episode; lists are flat, slots or places first."""
+    return {
+        "policy": printable(r.policy),
+        "grid": list(r.grid),
+        "slot_s": r.slot_s,
+        "max_age": r.maximum_age,
+        "gauge_j": r.snapshot(0).energy_yardstick_j,
+        "auvs": r.num_auvs,
+        "reasons": [[reason.code, printable(reason.text)] for reason in r.reasons],
+        "nodes": r.nodes.tolist(),
+        "places": {
+            "above": _node_places(r, [0, 1]),
+            "side": _node_places(r, [0, 2]),
+        },
+        "path": r.path.ravel().tolist(),
+        "stayed": np.where(r.blocked, 2, r.left_grid.astype(int)).ravel().tolist(),
+        "charged": r.charged.ravel().tolist(),
+        "heard": r.heard.ravel().tolist(),
+        "outcome": r.outcome.ravel().tolist(),
+        "beta": _short(r.beta) if r.splits_slot else None,
+        "harvested": _short(r.harvested_j),
+        "spent": _short(r.spent_j),
+        "ages": _short(r.ages),
+        "energies": _short(r.energy_j),
+    }
+
+
+def _node_places(recording: Recording, axes: list[int]) -> list[list[float]]:
+    """Centre and radius of each node in cells, as seen along an axis."""
+    columns = max(recording.grid[axis] for axis in axes)
+    centres, radii = place_nodes(recording.nodes[:, axes], smallest=0.016 * columns)
+    return np.column_stack([centres, radii]).round(3).tolist()
+
+
+def _short(values: npt.NDArray[np.float64]) -> list[float]:
+    """Numbers of four digits, whole ones without a point."""
+    numbers = (float(f"{value:.4g}") for value in values.ravel().tolist())
+    return [int(number) if number.is_integer() else number for number in numbers]
