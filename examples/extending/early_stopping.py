@@ -8,6 +8,8 @@ from __future__ import annotations
 import argparse
 import math
 
+import torch
+
 from iout_marl import load_scenario, train
 from trainers import Callback, TrainingRun
 
@@ -43,6 +45,7 @@ class EarlyStopping(Callback):
 
 def main(options: list[str] | None = None) -> tuple[int, float]:
     """Environment steps that were taken, and the mean AoI of the final evaluation."""
+    torch.set_num_threads(1)  # more cost time on networks of this size
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--out", default="runs/early-stopping")
     out = parser.parse_args(options).out

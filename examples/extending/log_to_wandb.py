@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import torch
 import wandb
 
 from iout_marl import load_scenario, train
@@ -60,6 +61,7 @@ class WandbLog(Callback):
 
 def main(options: list[str] | None = None) -> None:
     """Train for a few seconds, and log it."""
+    torch.set_num_threads(1)  # more cost time on networks of this size
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--out", default="runs/logged")
     parser.add_argument("--folder", type=Path, default="runs")

@@ -14,6 +14,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+import torch
+
 from iout_marl import Trainer, evaluate, iout_v0, load_scenario, parts
 from iout_marl.testing import check_part
 from iout_marl.world import State
@@ -58,6 +60,7 @@ class Distances(parts.Entry):
 
 def main(options: list[str] | None = None) -> dict[str, float]:
     """Mean AoI in slots, by what is played."""
+    torch.set_num_threads(1)  # more cost time on networks of this size
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--steps", type=int, default=20_000)
     steps = parser.parse_args(options).steps

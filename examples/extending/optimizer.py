@@ -57,6 +57,7 @@ class LionOptimizer(parts.Optimizer):
 
 def main(options: list[str] | None = None) -> dict[str, float]:
     """Mean AoI in slots, of greedy decoding, by optimizer."""
+    torch.set_num_threads(1)  # more cost time on networks of this size
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--steps", type=int, default=128_000)
     steps = parser.parse_args(options).steps

@@ -15,6 +15,8 @@ import argparse
 from collections.abc import Mapping
 from typing import Any
 
+import torch
+
 from iout_marl import Trainer, evaluate, load_scenario, parts
 from iout_marl.testing import check_part
 from iout_marl.world import Events, State
@@ -39,6 +41,7 @@ class PeakAge(parts.Reward):
 
 def main(options: list[str] | None = None) -> dict[str, float]:
     """Mean over episodes of the highest age, in slots, of each policy."""
+    torch.set_num_threads(1)  # more cost time on networks of this size
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--steps", type=int, default=20_000)
     steps = parser.parse_args(options).steps
