@@ -15,6 +15,7 @@ WHOLE = [
     load_scenario(
         "best/k3-tdd",
         {
+            "grid.origin": {"latitude_deg": 60.0, "longitude_deg": 5.0, "depth_m": 20.0},
             "channel": {"kind": "sonar"},
             "nodes": {"kind": "random", "count": 3},
             "observation.view_range_m": 100,
@@ -177,6 +178,9 @@ def test_every_number_of_a_scenario_has_a_range_or_hard_limits_alone():
         "channel.uplink_efficiency",
         "charging.efficiency",
         "duplex.beta_max",
+        "grid.origin.bearing_deg",
+        "grid.origin.latitude_deg",
+        "grid.origin.longitude_deg",
         "duplex.beta_min",
         "fairness.minimum_jain",
         "harvester.efficiency",
