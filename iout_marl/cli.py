@@ -15,6 +15,7 @@ from rich.text import Text
 from iout_marl import __version__, startup
 from iout_marl.cli_bound import bound_command
 from iout_marl.cli_errors import reason_of
+from iout_marl.cli_export import export
 from iout_marl.cli_json_schema import schema
 from iout_marl.cli_mission import mission
 from iout_marl.cli_new import new
@@ -225,6 +226,7 @@ def evaluate_command(
 
 
 app.command("bound")(bound_command)
+app.command()(export)
 app.command()(mission)
 app.command()(replay)
 app.command()(new)

@@ -12,6 +12,7 @@ EXTRAS = {
     "emissions": ("codecarbon",),
     "film": ("imageio_ffmpeg", "matplotlib", "moviepy"),
     "mission": ("pyproj",),
+    "onnx": ("onnx", "onnxruntime", "onnxscript"),
     "report": ("jinja2", "matplotlib", "plotly"),
     "sb3": ("stable_baselines3",),
 }

@@ -1,0 +1,26 @@
+"""Drives an environment by a policy in an ONNX file, without torch.
+
+iout export runs/mine --onnx mine.onnx
+python examples/onnx_policy.py mine.onnx paper/k10-fdd
+"""
+
+import sys
+
+import numpy as np
+import onnxruntime
+
+from iout_marl import iout_v0
+
+options = onnxruntime.SessionOptions()
+options.log_severity_level = 3  # that the mask may be left out would be a warning
+session = onnxruntime.InferenceSession(sys.argv[1], options)
+uses_mask = session.get_modelmeta().custom_metadata_map["trained_with_mask"] == "true"
+env = iout_v0.parallel_env(sys.argv[2], overrides={"observation.action_mask": "info"})
+observations, infos = env.reset(seed=0)
+while env.agents:
+    given = {"observation": np.stack([observations[a] for a in env.agents]).astype(np.float32)}
+    if uses_mask:
+        given["mask"] = np.stack([infos[a]["action_mask"] for a in env.agents]).astype(bool)
+    (actions,) = session.run(["action"], given)
+    observations, _, _, _, infos = env.step(dict(zip(env.agents, actions, strict=True)))
+print(infos["auv_0"]["time_mean_aoi"])
