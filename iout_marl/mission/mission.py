@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from iout_marl.errors import InputError
-from iout_marl.evaluation import play
 from iout_marl.mission.geography import Place
 from iout_marl.mission.route import Route
 from iout_marl.policies import AnyPolicy, policy_for
-from iout_marl.scenario import AnyScenario, Overrides, load_scenario
-from iout_marl.world import World
+from iout_marl.replay.recorder import record_player
+from iout_marl.replay.recording import Recording
+from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
 
 
 @dataclass(frozen=True)
@@ -41,17 +42,17 @@ class Action:
     delivered: bool | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mission:
     """An episode as a plan for vehicles.
 
     Attributes:
-        scenario, scenario_hash, policy, seed: of the episode.
+        scenario, scenario_hash, policy, seed: of the episode; its seed is None if not known.
         place: where the grid lies.
         start: when it begins, in UTC.
         slot_s: length of a slot.
         speed_m_per_s: cruising speed.
-        node_cells: cells of the nodes, counted from 1.
+        node_cells: (nodes, 3) cells of the nodes, counted from 1.
         routes: of each AUV.
         actions: of all AUVs, in the order of time.
     """
@@ -59,12 +60,12 @@ class Mission:
     scenario: str
     scenario_hash: str
     policy: str
-    seed: int
+    seed: int | None
     place: Place
     start: datetime
     slot_s: float
     speed_m_per_s: float
-    node_cells: tuple[tuple[int, int, int], ...]
+    node_cells: npt.NDArray[np.int64]
     routes: tuple[Route, ...]
     actions: tuple[Action, ...]
 
@@ -72,6 +73,44 @@ class Mission:
         """The UTC time so many seconds after the start, to the millisecond, as ISO 8601 has it."""
         moment = self.start + timedelta(seconds=seconds)
         return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+    @classmethod
+    def from_recording(
+        cls, recording: Recording, scenario: Scenario, start: datetime | None = None
+    ) -> Mission:
+        """The mission that does what was done in an episode.
+
+        Args:
+            recording: the episode.
+            scenario: that of the episode, which says where its grid lies.
+            start: when the mission begins; without a zone it is UTC. None for now.
+
+        Raises:
+            InputError: it would begin before the year 1, or end after the year 9999.
+        """
+        place = Place(scenario.grid)
+        routes = tuple(
+            Route.from_path(auv + 1, recording.path[:, auv], place, recording.slot_s)
+            for auv in range(recording.num_auvs)
+        )
+        return cls(
+            scenario=recording.scenario,
+            scenario_hash=recording.scenario_hash,
+            policy=recording.policy,
+            seed=recording.seed,
+            place=place,
+            start=_checked_start(start, recording.slots * recording.slot_s),
+            slot_s=recording.slot_s,
+            speed_m_per_s=scenario.auvs.speed_m_per_s,
+            node_cells=recording.nodes,
+            routes=routes,
+            actions=tuple(
+                action
+                for slot in range(recording.slots)
+                for auv in range(recording.num_auvs)
+                for action in _actions(recording, slot, auv)
+            ),
+        )
 
 
 def plan_mission(
@@ -86,69 +125,47 @@ def plan_mission(
 
     Args:
         scenario, policy, seed, overrides: as for `evaluate`.
-        start: when the mission begins; without a zone it is UTC. None for now.
+        start: as for `Mission.from_recording`.
 
     Raises:
-        InputError: as `evaluate` does; or the mission would end after the year 9999.
+        InputError: as `evaluate` and `Mission.from_recording` do.
         TypeError: the policy is none.
     """
-    scenario, player = policy_for(load_scenario(scenario, overrides), policy, seed)
-    world = World(scenario)
-    start = start or datetime.now(UTC).replace(microsecond=0)
-    start = start.replace(tzinfo=UTC) if start.tzinfo is None else start.astimezone(UTC)
+    loaded, player = policy_for(load_scenario(scenario, overrides), policy, seed)
+    return Mission.from_recording(record_player(loaded, player, seed), loaded, start)
+
+
+def _checked_start(start: datetime | None, duration_s: float) -> datetime:
+    """A start in UTC of a mission that ends while there are dates."""
+    if start is None:
+        return datetime.now(UTC).replace(microsecond=0)
     try:
-        start + timedelta(seconds=(scenario.num_slots + 1) * scenario.slot_s)
+        utc = start.replace(tzinfo=UTC) if start.tzinfo is None else start.astimezone(UTC)
+        utc + timedelta(seconds=duration_s + 1)
     except OverflowError:
-        raise InputError(f"{start.date()}: the mission would end after the year 9999") from None
-    cells = world.grid.coordinate_table() + 1
-    place = Place(scenario.grid)
-    path: list[Any] = []
-    actions: list[Action] = []
-    node_cells: tuple[tuple[int, int, int], ...] = ()
-    for state, events in play(world, player, seed):
-        path.append(cells[state.cell[0]])
-        if events is None:
-            node_cells = tuple(map(tuple, cells[state.node_cell[0]].tolist()))
-        else:
-            actions += _actions(world, len(path) - 1, path[-1], events)
-    paths = np.array(path)
-    return Mission(
-        scenario=scenario.name,
-        scenario_hash=scenario.hash,
-        policy=str(player.name),
-        seed=seed,
-        place=place,
-        start=start,
-        slot_s=scenario.slot_s,
-        speed_m_per_s=scenario.auvs.speed_m_per_s,
-        node_cells=node_cells,
-        routes=tuple(
-            Route.from_path(auv + 1, paths[:, auv], place, scenario.slot_s)
-            for auv in range(world.num_auvs)
-        ),
-        actions=tuple(actions),
-    )
+        raise InputError(
+            f"{start.date()}: the mission would not lie within the years 1 to 9999"
+        ) from None
+    return utc
 
 
-def _actions(world: World, slot: int, cells: Any, events: Any) -> list[Action]:
-    """What the AUVs do in a slot, counted from 1; a part of it for which there is no time is none.
+def _actions(recording: Recording, slot: int, auv: int) -> Iterator[Action]:
+    """What an AUV does in a slot, from 0; a part of it for which there is no time is none.
 
-    Charging comes first where both share the slot, and else takes all of it.
+    Charging comes first where both share the slot, and else both take all of it.
     """
-    begins_s, ends_s = (slot - 1) * world.link.slot_s, slot * world.link.slot_s
-    found = []
-    for auv in range(world.num_auvs):
-        turn_s = begins_s + float(events.beta[0, auv]) * (ends_s - begins_s)
-        splits = world.duplex.splits_slot
-        charges_until_s, hears_from_s = (turn_s, turn_s) if splits else (ends_s, begins_s)
-        cell = tuple(cells[auv].tolist())
-        if charges_until_s > begins_s:
-            node, energy_j = int(events.charged[0, auv]), float(events.harvested_j[0, auv])
-            charge = ("charge", node + 1, begins_s, charges_until_s)
-            found.append(Action(auv + 1, slot, *charge, cell, energy_j, None))
-        if hears_from_s < ends_s:
-            node, energy_j = int(events.heard[0, auv]), float(events.spent_j[0, auv])
-            hear = ("hear", node + 1, hears_from_s, ends_s)
-            delivered = bool(events.delivered[0, auv])
-            found.append(Action(auv + 1, slot, *hear, cell, energy_j, delivered))
-    return found
+    begins_s, ends_s = slot * recording.slot_s, (slot + 1) * recording.slot_s
+    beta = float(recording.beta[slot, auv])
+    turn_s = begins_s + beta * recording.slot_s
+    charged, heard = int(recording.charged[slot, auv]), int(recording.heard[slot, auv])
+    x, y, z = recording.path[slot + 1, auv].tolist()
+    if charged:
+        until_s = turn_s if recording.splits_slot else ends_s
+        energy_j = float(recording.harvested_j[slot, auv])
+        times = (begins_s, until_s)
+        yield Action(auv + 1, slot + 1, "charge", charged, *times, (x, y, z), energy_j, None)
+    if not (recording.splits_slot and beta == 1):
+        times = (turn_s if recording.splits_slot else begins_s, ends_s)
+        energy_j = float(recording.spent_j[slot, auv])
+        delivered = bool(recording.delivered[slot, auv])
+        yield Action(auv + 1, slot + 1, "hear", heard, *times, (x, y, z), energy_j, delivered)

@@ -100,7 +100,7 @@ def test_nothing_is_written_where_something_fails(refused, monkeypatch):
         ),
         (
             ["--format", "csv", "--start-time", "9999-12-31T23:59:59"],
-            "9999-12-31: the mission would end after the year 9999",
+            "9999-12-31: the mission would not lie within the years 1 to 9999",
         ),
         (["--format", "csv", "--policy", "gredy"], "did you mean 'greedy'?"),
         (["--format", "csv", "--sampled"], "--sampled: the policy is no trained one"),

@@ -10,8 +10,16 @@ import pytest
 from pyproj import Proj
 from readers import READERS
 
-from iout_marl import load_scenario, record_episode
-from iout_marl.mission import FORMATS, Place, Route, format_named, plan_mission, write_mission
+from iout_marl import iout_v0, load_scenario, record, record_episode
+from iout_marl.mission import (
+    FORMATS,
+    Mission,
+    Place,
+    Route,
+    format_named,
+    plan_mission,
+    write_mission,
+)
 
 START = datetime(2027, 5, 1, 8, tzinfo=UTC)
 ORIGINS = {
@@ -171,3 +179,18 @@ def test_straight_runs_are_one_leg_and_a_long_stay_is_one_stay():
         ((200, 0, 100), 125, 0, 4),
         ((200, 0, 0), 150, 0, 4),
     ]
+
+
+def test_a_recorded_loop_of_ones_own_is_a_mission(tmp_path):
+    env = record(iout_v0.parallel_env("paper/k3-fdd", overrides={"auvs.count": 2}))
+    env.reset(seed=4)
+    env.action_space("auv_0").seed(1)
+    env.action_space("auv_1").seed(2)
+    for _ in range(30):
+        env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+    episode = env.recording
+    mission = Mission.from_recording(episode, load_scenario("paper/k3-fdd"), START)
+    assert [route.end_s for route in mission.routes] == [750, 750]
+    assert {action.slot for action in mission.actions} == set(range(1, 31))
+    write_mission(mission, [format_named("csv")], tmp_path)
+    assert len((tmp_path / "actions.csv").read_text().splitlines()) == 1 + 2 * 2 * 30

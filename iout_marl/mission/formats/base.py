@@ -33,7 +33,6 @@ class Format:
 
 def title(mission: Mission, route: Route) -> str:
     """What a file calls the way of an AUV, in one line."""
-    return printable(
-        f"AUV {route.auv} of {mission.scenario} ({mission.scenario_hash}), {mission.policy}, "
-        f"seed {mission.seed}"
-    )
+    seed = "" if mission.seed is None else f", seed {mission.seed}"
+    what = f"{mission.scenario} ({mission.scenario_hash}), {mission.policy}{seed}"
+    return printable(f"AUV {route.auv} of {what}")
