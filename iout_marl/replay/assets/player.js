@@ -88,13 +88,13 @@ class Panel {
   }
 
   addSpace(host, who) {
-    try {
-      this.space = new Space(find(".stage", host), this.episode, choose);
-    } catch {
+    // Asked first: three.js would complain aloud.
+    if (!make("canvas").getContext("webgl2")) {
       host.replaceWith(make("p", { class: "no-space" }, "This browser shows no WebGL: the maps stand for the view in space."));
       this.section.classList.add("without-space");
       return;
     }
+    this.space = new Space(find(".stage", host), this.episode, choose);
     this.space.canvas.setAttribute(
       "aria-label",
       `${who} in space. Drag to turn; Shift and arrow keys turn, plus and minus zoom.`
@@ -401,7 +401,7 @@ const meanChart = new Chart(charts, {
   lines: EPISODES.map((episode, index) => ({ values: episode.meanAges, ...LINE_LOOKS[index] })),
   top: roundAbove(highest(EPISODES.flatMap((episode) => episode.meanAges))),
   text: (value) => decimals(value, value < 10 && value % 1 ? 1 : 0),
-  width: EPISODES.length > 1 ? 1080 : 520,
+  width: EPISODES.length > 1 && innerWidth > 700 ? 1080 : 520,
   seek: (place) => { play(false); seek(place); },
 });
 for (const episode of EPISODES) {

@@ -1,0 +1,316 @@
+"""A replay in a real browser: played, scrubbed, clicked, in light and dark, on a phone."""
+
+import io
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+from watched import DESKTOP, Watched
+
+from iout_marl import record_policy
+from iout_marl.render.style import AGE_STOPS, DATA, ENERGY, FAILED, rgba
+from iout_marl.replay.page import render_page
+
+PHONE = {"width": 390, "height": 844}
+SLOTS = 24
+SHORT = {"episode.duration_s": 25 * SLOTS}
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    names = ("tour", "random-walk")
+    return [record_policy("multi/m2-k10-fdd", name, 3, overrides=SHORT) for name in names]
+
+
+@pytest.fixture(scope="module")
+def opened(browser, recordings, tmp_path_factory):
+    path = tmp_path_factory.mktemp("replay") / "page.html"
+    path.write_text(render_page(recordings), encoding="utf-8")
+    watched = Watched(browser, path.as_uri(), color_scheme="light")
+    yield watched
+    watched.context.close()
+
+
+@pytest.fixture
+def page(opened):
+    """The page as on a light desktop, at its start. It must not complain, nor ask for anything."""
+    page = opened.page
+    page.set_viewport_size(DESKTOP)
+    page.emulate_media(color_scheme="light")
+    page.evaluate("() => { document.activeElement.blur(); scrollTo(0, 0); }")
+    page.keyboard.press("Escape")
+    page.keyboard.press("Home")
+    yield page
+    assert opened.complaints == []
+    assert set(opened.requests) == {page.url}
+
+
+def place(page):
+    return int(page.locator(".scrub").input_value())
+
+
+def wait_until(page, done):
+    for _ in range(300):
+        if done():
+            return
+        page.wait_for_timeout(50)
+    pytest.fail("not within a quarter of a minute")
+
+
+def pixels(locator):
+    return np.asarray(Image.open(io.BytesIO(locator.screenshot())).convert("RGB")).astype(int)
+
+
+def near(image, colour, within=40):
+    """Where an image has a colour."""
+    return np.abs(image - 255 * rgba(colour)[:3]).max(axis=-1) < within
+
+
+def rows(page, policy):
+    table = page.get_by_role("region", name=policy).locator("table.now tbody tr")
+    return [row.inner_text() for row in table.all()]
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["1280", "390"])
+def test_plays_to_the_end(page, size):
+    page.set_viewport_size(size)
+    page.locator(".speed select").select_option("32")
+    page.get_by_role("button", name="Play").click()
+    wait_until(page, lambda: place(page) == SLOTS)
+    wait_until(page, lambda: page.get_by_role("button", name="Play").is_visible())
+    assert f"{SLOTS} / {SLOTS}" in page.locator(".clock").inner_text()
+    page.get_by_role("button", name="Play").click()  # from the start once more
+    wait_until(page, lambda: 0 < place(page) < SLOTS or place(page) == SLOTS)
+    page.keyboard.press("Home")
+    page.locator(".speed select").select_option("2")
+
+
+def test_plays_without_motion_where_none_is_wanted(page):
+    page.emulate_media(reduced_motion="reduce")
+    page.locator(".speed select").select_option("32")
+    page.evaluate("() => document.activeElement.blur()")
+    page.keyboard.press("Space")
+    wait_until(page, lambda: place(page) == SLOTS)
+    page.emulate_media(reduced_motion="no-preference")
+
+
+def test_keys_and_buttons_step(page):
+    for key, expected in (
+        *[("ArrowRight", 1), ("ArrowRight", 2), ("ArrowLeft", 1), ("End", SLOTS)],
+        *[("ArrowRight", SLOTS), ("Home", 0), ("ArrowLeft", 0)],
+    ):
+        page.keyboard.press(key)
+        assert place(page) == expected
+    page.get_by_role("button", name="One slot forward").click()
+    page.get_by_role("button", name="One slot forward").click()
+    page.get_by_role("button", name="One slot back").click()
+    assert place(page) == 1
+    page.get_by_role("button", name="First slot").click()
+    assert place(page) == 0
+    page.evaluate("() => document.activeElement.blur()")
+    page.keyboard.press("Space")
+    assert page.get_by_role("button", name="Pause").is_visible()
+    page.keyboard.press("Space")
+    assert page.get_by_role("button", name="Play").is_visible()
+
+
+def test_scrub_bar_and_curves_seek(page):
+    page.locator(".scrub").fill("17")
+    assert page.locator(".clock b").inner_text() == f"17 / {SLOTS}"
+    said = page.locator(".scrub").get_attribute("aria-valuetext")
+    assert said.startswith(f"slot 17 of {SLOTS}, tour: mean AoI ")
+    box = page.locator(".chart svg").first.bounding_box()
+    page.locator(".chart svg").first.click(position={"x": box["width"] / 2, "y": 60})
+    assert abs(place(page) - SLOTS / 2) <= 1
+    bar = page.locator(".scrub").bounding_box()
+    page.mouse.click(bar["x"] + 0.75 * bar["width"], bar["y"] + bar["height"] / 2)
+    assert abs(place(page) - 0.75 * SLOTS) <= 1
+
+
+def test_every_slot_says_what_was_chosen_and_why_it_failed(page, recordings):
+    seen = set()
+    for slot in range(SLOTS):
+        page.keyboard.press("ArrowRight")
+        for recording in recordings:
+            texts = rows(page, recording.policy)
+            assert len(texts) == recording.num_auvs
+            for auv, text in enumerate(texts):
+                reason = recording.reason(slot, auv)
+                seen.add(reason and reason.code)
+                assert (reason.text if reason else "packet arrived") in text
+                assert f"node {recording.charged[slot, auv]}:" in text
+                assert f"node {recording.heard[slot, auv]}" in text
+                if recording.left_grid[slot, auv]:
+                    assert "edge of the grid" in text
+    assert len(seen) > 1, "nothing has failed, or all has"
+    for recording in recordings:
+        section = page.get_by_role("region", name=recording.policy, exact=True)
+        shown = section.locator("dd").all_inner_texts()
+        assert shown[0] == f"{recording.ages[-1].mean():.2f}"
+        assert shown[1] == f"{recording.ages[1:].mean():.2f}"
+        assert shown[2] == str(recording.delivered.sum())
+        arrived = f"{recording.delivered.sum()} of {recording.delivered.size} uplinks arrived"
+        assert arrived in section.locator(".tally").inner_text()
+
+
+def test_node_is_chosen_on_the_map_and_has_a_history(page, recordings):
+    page.locator(".flat .mark").nth(4).click()
+    assert page.locator(".pick").input_value() == "4"
+    assert page.locator(".is-chosen").count() == 4  # of two maps each
+    assert page.locator(".has-bold").count() == 4  # ages and energies
+    parts = page.locator(".history")
+    for recording, part in zip(recordings, parts.all(), strict=True):
+        times = np.count_nonzero(recording.charged == 5) + np.count_nonzero(recording.heard == 5)
+        assert part.locator("li[data-slot]").count() == times
+        packets = np.count_nonzero(recording.delivered & (recording.heard == 5))
+        assert f"{packets} packets" in part.locator("p").inner_text()
+    parts.first.locator("li button").first.click()
+    assert (
+        place(page)
+        == 1
+        + np.flatnonzero((recordings[0].charged == 5).any(1) | (recordings[0].heard == 5).any(1))[0]
+    )
+    page.locator(".pick").select_option(value="-1")
+    assert page.locator(".is-chosen, .has-bold, .history").count() == 0
+
+
+def test_node_is_chosen_in_space(page):
+    stage = page.locator(".stage canvas").first
+    page.wait_for_timeout(200)
+    yellow = near(pixels(stage), AGE_STOPS[0], 60)  # at the start all are young
+    y, x = np.argwhere(yellow)[np.count_nonzero(yellow) // 2].tolist()
+    stage.click(position={"x": x, "y": y})
+    assert page.locator(".pick").input_value() != "-1"
+    before = pixels(stage)
+    stage.press("Shift+ArrowLeft")
+    page.wait_for_timeout(200)
+    assert np.abs(pixels(stage) - before).mean() > 1, "it has not turned"
+
+
+def test_view_in_space_shows_energy_packets_and_losses(page, recordings):
+    stage = page.locator(".stage canvas").nth(1)
+    lost = np.flatnonzero(~recordings[1].delivered.all(1) & recordings[1].delivered.any(1))[0]
+    page.locator(".scrub").fill(str(lost + 1))
+    page.wait_for_timeout(300)
+    image = pixels(stage)
+    for colour in (ENERGY, DATA, FAILED):
+        assert np.count_nonzero(near(image, colour)) > 30, colour
+
+
+def test_dragging_turns_the_view(page):
+    stage = page.locator(".stage canvas").first
+    page.get_by_role("button", name="Whole grid").first.click()
+    page.wait_for_timeout(200)
+    box, before = stage.bounding_box(), pixels(stage)
+    page.mouse.move(box["x"] + 200, box["y"] + 200)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 300, box["y"] + 210, steps=4)
+    page.mouse.up()
+    page.wait_for_timeout(200)
+    turned = pixels(stage)
+    assert np.abs(turned - before).mean() > 1
+    page.get_by_role("button", name="Whole grid").first.click()
+    page.wait_for_timeout(200)
+    assert np.abs(pixels(stage) - before).mean() < np.abs(turned - before).mean() / 4
+
+
+def luminance(colour):
+    parts = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
+    parts = [p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+    return float(np.dot(parts, (0.2126, 0.7152, 0.0722)))
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_texts_are_legible_in(page, theme):
+    page.emulate_media(color_scheme=theme)
+    page.keyboard.press("End")
+    page.locator(".flat .mark").first.click()
+    ground, *texts = page.evaluate(
+        """() => [getComputedStyle(document.documentElement).backgroundColor,
+        ...["h1", ".facts", ".now td", ".arrived", ".lost", ".tally", "dt", "li.charged span",
+            ".axis"].map((name) => {
+                const style = getComputedStyle(document.querySelector(name));
+                return name === ".axis" ? style.fill : style.color;
+            })]"""
+    )
+    grounds = luminance(ground)
+    assert (grounds > 0.5) == (theme == "light")
+    for text in texts:
+        low, high = sorted((grounds, luminance(text)))
+        assert (high + 0.05) / (low + 0.05) >= 4.5, text
+    image = pixels(page.locator(".stage canvas").first)
+    assert (image.mean() > 127) == (theme == "light")
+
+
+def test_theme_is_chosen_by_the_button(page):
+    page.get_by_role("button", name="Dark theme").click()
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    page.reload()
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    page.get_by_role("button", name="Light theme").click()
+    page.evaluate("localStorage.clear()")
+    page.reload()
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["1280", "390"])
+def test_all_of_it_fits(page, size):
+    page.set_viewport_size(size)
+    page.wait_for_timeout(100)
+    assert page.evaluate("document.documentElement.scrollWidth") == size["width"]
+    for part in page.locator("button:visible, select, svg[role=img], canvas").all():
+        box = part.bounding_box()
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= size["width"] + 0.5
+    # The controls stay in sight.
+    box = page.locator("#transport").bounding_box()
+    assert box["y"] + box["height"] <= size["height"] + 0.5
+
+
+def test_everything_is_reached_by_the_keyboard_and_has_a_name(page):
+    unnamed = page.evaluate(
+        """() => [...document.querySelectorAll("button, select, input, [tabindex='0']")].filter(
+            (part) => !(part.textContent.trim() || part.getAttribute("aria-label") ||
+                part.labels?.length)).map((part) => part.outerHTML)"""
+    )
+    assert unnamed == []
+    seen = set()
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        name = "() => [document.activeElement.tagName, document.activeElement.className].join(' ')"
+        outline = "() => getComputedStyle(document.activeElement).outlineStyle"
+        seen.add(page.evaluate(name).strip())
+        assert page.evaluate(outline) != "none" or "BODY" in page.evaluate(name)
+    assert {"CANVAS", "SELECT pick", "INPUT scrub", "BUTTON play", "BUTTON theme"} <= seen
+
+
+def test_fingers(browser, opened):
+    watched = Watched(browser, opened.page.url, has_touch=True, is_mobile=True)
+    page = watched.page
+    page.set_viewport_size(PHONE)
+    page.get_by_role("button", name="One slot forward").tap()
+    assert place(page) == 1
+    page.locator(".flat .mark").nth(2).tap()
+    assert page.locator(".pick").input_value() == "2"
+    page.get_by_role("button", name="Play").tap()
+    wait_until(page, lambda: place(page) > 2)
+    page.get_by_role("button", name="Pause").tap()
+    assert watched.complaints == []
+    watched.context.close()
+
+
+def test_maps_stand_in_where_there_is_no_webgl(browser, recordings, tmp_path):
+    path = tmp_path / "page.html"
+    blinded = (
+        "<script>HTMLCanvasElement.prototype.getContext = ((get) => function (kind, ...rest) {"
+        "return kind.startsWith('webgl') ? null : get.call(this, kind, ...rest); })"
+        "(HTMLCanvasElement.prototype.getContext);</script><body>"
+    )
+    path.write_text(render_page(recordings).replace("<body>", blinded, 1), encoding="utf-8")
+    watched = Watched(browser, path.as_uri())
+    assert "no WebGL" in watched.page.locator(".no-space").first.inner_text()
+    watched.page.keyboard.press("End")
+    assert place(watched.page) == SLOTS
+    assert watched.page.locator(".flat svg").first.is_visible()
+    assert watched.complaints == []
+    watched.context.close()
