@@ -47,6 +47,7 @@ demo: $(RUNTIME)
 	rm -rf $(DEMO)
 	$(BIN)/iout train paper/k3-fdd --out $(DEMO)
 	$(BIN)/iout evaluate paper/k3-fdd --policy $(DEMO) --policy greedy --policy round-robin --policy random-walk
+	$(BIN)/iout replay paper/k3-fdd --policy $(DEMO) --policy greedy --out $(DEMO)/replay.html
 
 reproduce: $(EMISSIONS)
 	$(BIN)/iout reproduce

@@ -107,6 +107,26 @@ def check_tables(_: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
             assert not richer.any(), f"{where}a node is richer than search_tables have it"
 
 
+def check_reasons(_: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
+    """Why uplinks have failed: flags for reasons, of which every failed uplink has one."""
+    world = World(scenario)
+    for seed in seeds:
+        state = first_state(world, [seed])
+        for slot, action in enumerate(actions_for(world, seed)):
+            before = state
+            state, events = world.step(before, action)
+            found = world.outcomes(before, events, state)
+            arrived = np.array([[reason is None for reason in row] for row in found])
+            where = f"slot {slot} by seed {seed}: "
+            assert np.array_equal(arrived, events.delivered), f"{where}outcomes"
+
+
+def check_duplex(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
+    """Its tables and its reasons."""
+    check_tables(part, scenario, seeds)
+    check_reasons(part, scenario, seeds)
+
+
 def _follow(field: FiniteGame, levels: Any, cell: int, events: Any) -> None:
     """Move the levels of the nodes named as the tables say."""
     charge, deliver, both = field.tables
@@ -124,9 +144,10 @@ def _follow(field: FiniteGame, levels: Any, cell: int, events: Any) -> None:
 
 CHECKS: Mapping[str, Callable[[Any, Scenario, Sequence[int]], None]] = {
     "absorption": check_absorption,
+    "access": check_reasons,
     "beta rule": check_tables,
     "channel": check_channel,
-    "duplex": check_tables,
+    "duplex": check_duplex,
     "observation entry": check_entry,
     "placement": check_placement,
 }

@@ -1,11 +1,14 @@
 """The pictures of the README and the pages are what the software shows today."""
 
 import importlib.util
+import itertools
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+
+from iout_marl import load_scenario, record_policy
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
 
@@ -22,7 +25,7 @@ make = load()
 
 def test_every_picture_is_made_by_the_command():
     pictures = {path.stem for path in IMAGES.glob("*.png")}
-    assert pictures == {*make.SLOTS, "report"}
+    assert pictures == {*make.SLOTS, "report", "replay"}
     assert "docs/images/make.py" in (IMAGES.parents[1] / "Makefile").read_text()
 
 
@@ -43,7 +46,31 @@ def test_picture_shows_what_the_readme_says():
     assert charged != heard
 
 
-def test_picture_of_the_report_is_fresh():
-    picture = Image.open(IMAGES / "report.png")
+@pytest.mark.parametrize(
+    ("name", "made_from"),
+    [("report", make.fingerprint), ("replay", make.replay_fingerprint)],
+    ids=["report", "replay"],
+)
+def test_picture_of_a_page_is_fresh(name, made_from):
+    picture = Image.open(IMAGES / f"{name}.png")
     assert picture.size == tuple(make.SIZE.values())
-    assert picture.text[make.MADE_FROM] == make.fingerprint(), "run `make images`"
+    assert picture.text[make.MADE_FROM] == made_from(), "run `make images`"
+
+
+def test_film_is_of_the_trained_policy_and_fresh():
+    episode = make.trained_episode()
+    scenario = load_scenario(make.TRAINED)
+    assert (episode.policy, episode.scenario_hash) == ("PPO", scenario.hash)
+    assert episode.slots == scenario.num_slots
+    best = min(record_policy(scenario, name).ages[1:].mean() for name in ("greedy", "round-robin"))
+    assert episode.ages[1:].mean() < 0.6 * best, "it is trained"
+    with Image.open(make.FILM) as film:
+        assert film.n_frames == episode.slots + 1
+        for place in (0, 40, 100):
+            film.seek(place)
+            shown = np.asarray(film.convert("RGB"), dtype=float)
+            drawn = next(itertools.islice(make.frames([episode]), place, None))
+            assert np.abs(shown - drawn).mean() < 3, "run `make images`"
+    assert make.FILM.stat().st_size < 2e6
+    readme = (IMAGES.parents[1] / "README.md").read_text()
+    assert readme.index("docs/images/trained.gif") < readme.index("```"), "README opens with it"

@@ -161,7 +161,7 @@ class Space {
     };
     note("x →", 0, -h / 2, d / 2 + 0.5);
     note("y →", w / 2 + 0.6, -h / 2, 0);
-    note("surface", w / 2 - 0.9, h / 2 + 0.28, d / 2);
+    note("surface", -w / 2, h / 2 + 0.3, -d / 2);
     note("sea floor", -w / 2 + 1.1, -h / 2 + 0.3, d / 2);
   }
 
