@@ -16,15 +16,21 @@ TRAIL_SLOTS = 12
 
 
 def frames(recordings: Sequence[Recording]) -> Iterator[Frame]:
-    """A picture of the start and one after each slot, (600, 960, 3), of two 1920 wide.
+    """A picture of the start and one after each slot, see `frame`."""
+    for place in range(max(recording.slots for recording in recordings) + 1):
+        yield frame(recordings, place)
+
+
+def frame(recordings: Sequence[Recording], place: int) -> Frame:
+    """The picture after `place` slots, (600, 960, 3), of two episodes 1920 wide.
 
     An episode that is over waits at its end. Where there are two, each is titled by its policy.
     """
-    for place in range(max(recording.slots for recording in recordings) + 1):
-        yield np.concatenate([_frame(r, place, len(recordings) > 1) for r in recordings], axis=1)
+    is_compared = len(recordings) > 1
+    return np.concatenate([_picture(each, place, is_compared) for each in recordings], axis=1)
 
 
-def _frame(recording: Recording, place: int, is_compared: bool) -> Frame:  # noqa: FBT001
+def _picture(recording: Recording, place: int, is_compared: bool) -> Frame:  # noqa: FBT001
     place = min(place, recording.slots)
     snapshot = recording.snapshot(place)
     if is_compared:
