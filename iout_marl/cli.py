@@ -43,6 +43,7 @@ from iout_marl.files import inputs_noted
 from iout_marl.outlook import energy_outlook
 from iout_marl.policies import BASELINES, DEFAULT_BUDGET, POLICIES
 from iout_marl.scenario import bundled_names, load_scenario, to_yaml
+from iout_marl.scenario.explanation import explanation
 from iout_marl.terminal import (
     complain,
     finish_output,
@@ -96,14 +97,24 @@ def scenarios() -> None:
 
 
 @app.command()
-def show(scenario: ScenarioArgument, overrides: Overrides = None, imports: Imports = None) -> None:
+def show(
+    scenario: ScenarioArgument,
+    *,
+    explain: Annotated[
+        bool,
+        typer.Option("--explain", help="Say of every key what it means, with unit and range."),
+    ] = False,
+    overrides: Overrides = None,
+    imports: Imports = None,
+) -> None:
     """Print a whole scenario, after `extends`, preset and overrides, as YAML."""
     take(imports)
     loaded = load_scenario(scenario, overrides or [])
     hashes = f"# hash {loaded.hash}, of the world alone {loaded.world_hash}"
     outlook = energy_outlook(loaded)
     notes = f"{hashes}\n# {outlook}" if outlook else hashes
-    present(f"{notes}\n{to_yaml(loaded)}".rstrip("\n"))
+    body = explanation(loaded) if explain else to_yaml(loaded)
+    present(f"{notes}\n{body}".rstrip("\n"))
 
 
 app.command()(train)

@@ -1,6 +1,7 @@
 """What a scenario file may say, as its sections and the registered parts say it themselves.
 
-The JSON Schema for editors and the tables of `docs/scenario.md` are made from this. A key is
+The JSON Schema for editors, the tables of `docs/scenario.md`, `iout show --explain` and `iout new`
+are made from this. A key is
 described by the `#:` comment above its field, a section and a kind of part by their docstrings.
 """
 
@@ -16,7 +17,7 @@ from pydantic import BaseModel, TypeAdapter
 from pydantic.fields import FieldInfo
 from pydantic_core import to_jsonable_python
 
-from iout_marl.registry import Entry
+from iout_marl.registry import Entry, registry_of
 from iout_marl.scenario.fields import Plausible
 from iout_marl.scenario.keys import Model, ranges, sections_of
 from iout_marl.scenario.parts import PartOf, part_of, settings_model
@@ -110,6 +111,21 @@ def keys_of_kind(entry: Entry[Any]) -> tuple[Key, ...]:
 def text_of(described: Any) -> str:
     """The docstring of a section or of a kind of part; empty where it has none of its own."""
     return inspect.cleandoc(described.__doc__ or "")
+
+
+def summary_of(described: Any) -> str:
+    """The first paragraph of the docstring of a section or of a kind of part, in one line."""
+    return " ".join(text_of(described).split("\n\n")[0].split())
+
+
+def described(key: Key) -> str:
+    """What a key means, its kinds or its unit and range, for plain text."""
+    if key.part:
+        notes = [f"kinds: {', '.join(registry_of(key.part.role).kinds)}"]
+    else:
+        plausible = key.plausible_text
+        notes = [key.unit, key.range_text, plausible and f"plausible: {plausible}"]
+    return f"{key.text} [{'; '.join(filter(None, notes))}]".strip().replace("`", "")
 
 
 def _key(name: str, field: FieldInfo, text: str, plausible: Plausible | None) -> Key:

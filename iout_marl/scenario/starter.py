@@ -14,7 +14,7 @@ from iout_marl.errors import InputError
 from iout_marl.registry import Entry, registry_of
 from iout_marl.scenario.cases import value_at
 from iout_marl.scenario.loading import dump_yaml, load_scenario
-from iout_marl.scenario.reference import Key, keys, keys_of_kind, text_of
+from iout_marl.scenario.reference import Key, described, keys, keys_of_kind, summary_of, text_of
 from iout_marl.scenario.schema import Scenario
 from iout_marl.scenario.training import Training
 
@@ -69,7 +69,7 @@ def _section(scenario: Scenario, key: Key, data: Mapping[str, Any]) -> Iterator[
 
 def _setting(key: Key, value: Any, *, is_off: bool = False) -> Iterator[str]:
     lines = dump_yaml({key.name: value}).splitlines()
-    for line in (*_remark(_described(key)), *(_switched_off(lines) if is_off else lines)):
+    for line in (*_remark(described(key)), *(_switched_off(lines) if is_off else lines)):
         yield f"  {line}"
 
 
@@ -90,18 +90,7 @@ def _other_kind(
 
 def _about(entry: Entry[Any]) -> str:
     """A kind and the first sentence of its description."""
-    sentence = " ".join(text_of(entry.item).split("\n\n")[0].split())
-    return f"({entry.kind}) {sentence}"
-
-
-def _described(key: Key) -> str:
-    """What a key means, its kinds or its unit and range."""
-    if key.part:
-        notes = [f"kinds: {', '.join(registry_of(key.part.role).kinds)}"]
-    else:
-        plausible = key.plausible_text
-        notes = [key.unit, key.range_text, plausible and f"plausible: {plausible}"]
-    return f"{key.text} [{'; '.join(filter(None, notes))}]".replace("`", "")
+    return f"({entry.kind}) {summary_of(entry.item)}"
 
 
 def _remark(text: str) -> list[str]:
