@@ -1,6 +1,7 @@
 # make demo       train the paper's smallest scenario and compare it with the baselines
 # make test       lint, types and the whole test suite
 # make reproduce  the paper's figures, tables and claims: a quarter of an hour on two cores
+# make site       the documentation site, in build/site: open build/site/index.html
 # make images     the pictures of README.md and docs/, made anew
 # make bench      speed of environment and trainer, side by side with others: seven minutes
 # make campaigns  bad input, kills and random slots by the thousand: ten minutes on two cores
@@ -12,11 +13,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := runs/demo
 
-.PHONY: demo reproduce docs images test lint types pytest campaigns format bench integrations clean
+.PHONY: demo reproduce docs site images test lint types pytest campaigns format bench integrations clean
 
 # Each stamp stands for an installation that need not be repeated.
 RUNTIME := $(VENV)/.runtime-installed
 TEST := $(VENV)/.test-installed
+SITE := $(VENV)/.site-installed
 EMISSIONS := $(VENV)/.emissions-installed
 BENCH := $(VENV)/.bench-installed
 PIP := $(BIN)/pip install --quiet --disable-pip-version-check
@@ -32,6 +34,10 @@ $(RUNTIME): pyproject.toml constraints.txt
 
 $(TEST): $(RUNTIME)
 	$(PIP) --constraint constraints.txt --no-build-isolation --editable '.[test]'
+	touch $@
+
+$(SITE): $(RUNTIME)
+	$(PIP) --constraint constraints.txt --no-build-isolation --editable '.[docs]'
 	touch $@
 
 $(EMISSIONS): $(RUNTIME)
@@ -67,9 +73,14 @@ docs: $(RUNTIME)
 	$(call PAGE,GAP,gap,gap-results)
 	$(call PAGE,FAIRNESS,fairness,fairness-results)
 
+# Strictly: a warning, of a broken link say, is an error (and with --quiet it would not be one).
+site: $(SITE)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
 # The pictures of README.md and docs/; of the report in a browser, see CONTRIBUTING.md.
 images: $(TEST)
 	$(BIN)/python docs/images/make.py
+	$(BIN)/python docs/images/model.py
 
 test: lint types pytest
 

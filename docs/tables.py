@@ -7,9 +7,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
+
+from command_tables import commands_reference
+from environment_tables import entries_tables, spaces_tables
+from markdown_tables import numeral, page_of, table
 
 from iout_marl import World, load_scenario, metrics
 from iout_marl.registry import Entry, registry_of
@@ -42,7 +46,7 @@ def metrics_table() -> str:
         )
         for metric in metrics.BUILTIN
     ]
-    return _table(headings, (map(markdown_text, row) for row in rows))
+    return table(headings, (map(markdown_text, row) for row in rows))
 
 
 def _bounds(metric: metrics.Metric) -> str:
@@ -67,7 +71,7 @@ def scenario_reference() -> str:
                     blocks.append(_keys_table(keys(within)))
     for role in _roles(Scenario):
         blocks += _role(role)
-    return "\n".join(f"{block.rstrip()}\n" for block in blocks)
+    return page_of(blocks)
 
 
 def _roles(model: Model) -> list[str]:
@@ -108,15 +112,15 @@ def _title(role: str) -> str:
 def _kinds_table(role: str, entries: Sequence[Entry[Any]]) -> str:
     texts = {e.kind: next(iter(_paragraphs(text_of(e.item))), "") for e in entries}
     if role != _OBSERVED:
-        return _table(("Kind", "What it is"), ((f"`{k}`", text) for k, text in texts.items()))
+        return table(("Kind", "What it is"), ((f"`{k}`", text) for k, text in texts.items()))
     headings = ("Kind", "Numbers", "Unit", "Range", "Divided by", "What it is")
     worlds = {kind: _Observed(kind) for kind in texts}
     rows = ((f"`{kind}`", *worlds[kind].cells, text) for kind, text in texts.items())
-    return _table(headings, rows)
+    return table(headings, rows)
 
 
 def _keys_table(found: Sequence[Key]) -> str:
-    return _table(
+    return table(
         _KEY_HEADINGS,
         (
             (
@@ -171,9 +175,9 @@ class _Observed:
     def cells(self) -> tuple[str, str, str, str]:
         """Number, unit, range, and what the numbers are divided by to be of order one."""
         ranges = self._entry.ranges()
-        span = f"{_numeral(ranges.low.min())} to {_numeral(ranges.high.max())}"
+        span = f"{numeral(ranges.low.min())} to {numeral(ranges.high.max())}"
         scales = sorted(set(ranges.scale.tolist()))
-        scale = " and ".join(map(_numeral, scales))
+        scale = " and ".join(map(numeral, scales))
         return self._numbers(), self._entry.unit or "–", span, scale
 
     def _numbers(self) -> str:
@@ -197,32 +201,25 @@ class _Observed:
         return World(load_scenario(scenario, seen)).observer.entries[-1]
 
 
-def _numeral(value: float) -> str:
-    return (f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}").replace("-", "−")
-
-
-def _table(headings: Sequence[str], rows: Iterable[Iterable[str]]) -> str:
-    """A table of cells that are Markdown already."""
-    lines = [headings, ["---"] * len(headings), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
 #: The tables, by name, with the pages that they stand on.
 TABLES: dict[str, tuple[Path, Callable[[], str]]] = {
+    "commands": (HERE / "commands.md", commands_reference),
+    "entries": (HERE / "environment.md", entries_tables),
     "metrics": (HERE / "metrics.md", metrics_table),
     "scenario": (HERE / "scenario.md", scenario_reference),
+    "spaces": (HERE / "environment.md", spaces_tables),
 }
 
 
 def written(name: str) -> str:
     """The page of a table, with the table as it is now."""
-    page, table = TABLES[name]
+    page, make = TABLES[name]
     text = page.read_text(encoding="utf-8")
     pattern = rf"(<!-- {name} -->\n\n).*?(\n<!-- end of {name} -->\n)"
     parts = re.search(pattern, text, re.DOTALL)
     if parts is None:
         raise ValueError(f"{page}: has no place for the table {name}")
-    return f"{text[: parts.start()]}{parts[1]}{table()}{parts[2]}{text[parts.end() :]}"
+    return f"{text[: parts.start()]}{parts[1]}{make()}{parts[2]}{text[parts.end() :]}"
 
 
 def main() -> None:

@@ -2,11 +2,15 @@
 
 import importlib.util
 import re
+import sys
 from pathlib import Path
 
 import pytest
+import typer
 
 from iout_marl import load_scenario, metrics
+from iout_marl.cli import app
+from iout_marl.envs.episodes import INFO_KEYS
 from iout_marl.registry import registries
 from iout_marl.scenario import member_names
 from iout_marl.scenario.yaml_values import read_yaml
@@ -14,7 +18,9 @@ from iout_marl.scenario.yaml_values import read_yaml
 ROOT = Path(__file__).parents[1]
 SPEC = importlib.util.spec_from_file_location("tables", ROOT / "docs" / "tables.py")
 TABLES = importlib.util.module_from_spec(SPEC)
+sys.path.insert(0, str(ROOT / "docs"))  # what the script imports lies beside it
 SPEC.loader.exec_module(TABLES)
+sys.path.remove(str(ROOT / "docs"))
 PAGE = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 
@@ -40,6 +46,20 @@ def test_every_kind_has_a_row(registry):
     _, _, kinds = PAGE.partition(f"## Kinds of {registry.role}\n")
     rows = re.findall(r"^\| `(\w+)` \|", kinds.partition("\n#")[0], flags=re.MULTILINE)
     assert rows == list(registry.kinds)
+
+
+def test_every_command_is_explained():
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    commands = typer.main.get_command(app).commands
+    for name, command in commands.items():
+        for each in [f"{name} {inner}" for inner in getattr(command, "commands", {})] or [name]:
+            assert f"\n## `iout {each}`\n" in page
+
+
+def test_every_info_has_a_row():
+    page = (ROOT / "docs" / "environment.md").read_text(encoding="utf-8")
+    _, _, infos = page.partition("\n### Infos\n")
+    assert re.findall(r"^\| `(\w+)` \|", infos, flags=re.MULTILINE) == list(INFO_KEYS)
 
 
 def test_the_example_can_be_loaded():

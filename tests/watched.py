@@ -6,8 +6,8 @@ DESKTOP, PHONE = {"width": 1280, "height": 900}, {"width": 360, "height": 740}
 class Watched:
     """A page, what it asked for, and what it had to complain about."""
 
-    def __init__(self, browser, url, **options):
-        self.context = browser.new_context(offline=True, viewport=DESKTOP, **options)
+    def __init__(self, browser, url, *, offline=True, **options):
+        self.context = browser.new_context(offline=offline, viewport=DESKTOP, **options)
         self.page = self.context.new_page()
         self.complaints, self.requests = [], []
         self.page.on("console", self._note)

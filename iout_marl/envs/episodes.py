@@ -23,20 +23,21 @@ from iout_marl.world import Events, State, World, node_codes, redraws_every_epis
 from iout_marl.world.actions import ActionCheck
 from iout_marl.world.observation import Ranges
 
-#: Infos of one slot of one environment, by name: see `EpisodeBatch.info`.
-INFO_KEYS = (
-    "aoi_now",
-    "mean_aoi",
-    "time_mean_aoi",
-    "peak_aoi",
-    "jain",
-    "harvested_j",
-    "total_harvested_j",
-    "total_spent_j",
-    "delivered",
-    "beta",
-    "age_violations",
-)
+#: Infos of one slot of one environment, by name: of now, of the episode so far, or of an AUV in
+#: the last slot, of which those before the first slot are 0.
+INFO_KEYS = {
+    "aoi_now": "mean age over nodes now, in slots",
+    "mean_aoi": "`aoi_now` under a misleading name, which it keeps until `iout_v1`",
+    "time_mean_aoi": "mean of `aoi_now` over the slots so far: `mean_aoi` of an evaluation",
+    "peak_aoi": "highest age of any node in any slot so far, in slots",
+    "jain": "Jain's index of the packets that each node has delivered so far",
+    "harvested_j": "energy that the AUV brought to a node in the last slot, in J",
+    "total_harvested_j": "energy that all nodes have harvested so far, in J",
+    "total_spent_j": "energy that all nodes have spent on uplinks so far, in J",
+    "delivered": "1 if the AUV received a packet in the last slot, else 0",
+    "beta": "share of the last slot in which the AUV charged, in TDD; 0 in FDD",
+    "age_violations": "node-slots so far in which an age would have passed its maximum",
+}
 #: Those of them that a state has, with their names there.
 _STATE_FIELDS = {
     "aoi_now": "mean_age",
@@ -275,18 +276,7 @@ class EpisodeBatch:
         return self.world.observer.observe_globally(self.current).astype(np.float32, order="C")
 
     def info(self) -> dict[str, npt.NDArray[np.float64]]:
-        """What infos tell, by `INFO_KEYS`: (envs,) each, or (envs, auvs) of an AUV's own.
-
-        Of now: `aoi_now`, the mean age over nodes, in slots. Of the episode so far:
-        `time_mean_aoi`, the mean of that over its slots; `peak_aoi`, the highest age of any
-        node; `jain`; `total_harvested_j`, `total_spent_j` of all nodes; `age_violations`. Of
-        an AUV in the last slot: `harvested_j`, the energy that it brought to a node;
-        `delivered`, 1 if it received a packet; `beta` (0 in FDD). Before the first slot
-        these are 0.
-
-        `mean_aoi` is `aoi_now` under a misleading name, which it keeps until `iout_v1`: what
-        an evaluation calls `mean_aoi` is `time_mean_aoi`.
-        """
+        """What infos tell, by `INFO_KEYS`: (envs,) each, or (envs, auvs) of an AUV's own."""
         if self._is_apart:
             return self._info_apart()
         now, slot = self._running.now, self._slots_over
