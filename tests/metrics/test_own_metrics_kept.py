@@ -3,12 +3,13 @@
 import json
 import math
 import re
+import shutil
 
 import numpy as np
 import pytest
 import torch
 from emulated_graph import EmulatedGraph
-from own_metrics import OWN
+from own_metrics import OWN, register_own
 from rich.console import Console
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tiny_study import SameProcess, write_study
@@ -139,23 +140,29 @@ class TestTraining:
             go(tmp_path)
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A folder with the tiny study, run once for all that is asked of it."""
+    folder = tmp_path_factory.mktemp("study")
+    study = load_study(write_study(folder / "tiny.yaml"))
+    identity = {"name": "tiny", "title": "A tiny study", "overrides": [], "quick": False}
+    register_own()
+    try:
+        out = StudyFolder(folder / "out")
+        with out.open(identity):
+            cells, pool = expand(*study), SameProcess()
+            run_study("tiny", study[0], cells, out, pool, "iout reproduce", console=QUIET)
+    finally:
+        for name in OWN:
+            metrics.unregister(name)
+    return folder / "out"
+
+
 class TestStudies:
     @pytest.fixture
-    def results(self, own, tmp_path):
+    def results(self, own, finished, tmp_path):
         """The results of the tiny study, read again."""
-        study = load_study(write_study(tmp_path / "tiny.yaml"))
-        folder = StudyFolder(tmp_path / "out")
-        identity = {"name": "tiny", "title": "A tiny study", "overrides": [], "quick": False}
-        with folder.open(identity):
-            run_study(
-                "tiny",
-                study[0],
-                expand(*study),
-                folder,
-                SameProcess(),
-                "iout reproduce",
-                console=QUIET,
-            )
+        shutil.copytree(finished, tmp_path / "out")
         return read_results(tmp_path / "out" / "results.json")
 
     def test_records_tables_and_reports_have_it(self, results, tmp_path):

@@ -1,6 +1,8 @@
 """Running a study: what is kept, what is run again, what fails alone."""
 
 import json
+import shutil
+from functools import partial
 
 import pytest
 from rich.console import Console
@@ -30,25 +32,40 @@ def study(tmp_path):
     return load_study(write_study(tmp_path / "tiny.yaml"))
 
 
+def run_in(path, study, pool=None, cells=None):
+    """Runs the tiny study in a folder."""
+    folder = StudyFolder(path)
+    with folder.open(IDENTITY):
+        return run_study(
+            "tiny",
+            study[0],
+            expand(*study) if cells is None else cells,
+            folder,
+            pool or SameProcess(),
+            "iout reproduce",
+            console=QUIET,
+        )
+
+
 @pytest.fixture
 def run(study, tmp_path):
     """Runs the tiny study in tmp_path/out."""
+    return partial(run_in, tmp_path / "out", study)
 
-    def runner(pool=None, cells=None, **options):
-        folder = StudyFolder(tmp_path / "out")
-        with folder.open(IDENTITY):
-            return run_study(
-                "tiny",
-                study[0],
-                expand(*study) if cells is None else cells,
-                folder,
-                pool or SameProcess(),
-                "iout reproduce",
-                console=QUIET,
-                **options,
-            )
 
-    return runner
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A folder in which the tiny study has been run, once for all that is asked of it."""
+    folder = tmp_path_factory.mktemp("finished")
+    run_in(folder / "out", load_study(write_study(folder / "tiny.yaml")))
+    return folder / "out"
+
+
+@pytest.fixture
+def results(finished, tmp_path):
+    """The results of the tiny study, which has been run in tmp_path/out."""
+    shutil.copytree(finished, tmp_path / "out")
+    return read_results(tmp_path / "out" / "results.json")
 
 
 def test_every_cell_gives_its_record_and_the_folder_holds_all_of_it(run, study, tmp_path):
@@ -61,8 +78,7 @@ def test_every_cell_gives_its_record_and_the_folder_holds_all_of_it(run, study, 
     assert len({len(row.split(",")) for row in rows if '"' not in row}) == 1
 
 
-def test_a_baseline_cell_says_what_evaluate_says(run, study):
-    results = run()
+def test_a_baseline_cell_says_what_evaluate_says(results, study):
     cell = expand(*study)[0]
     expected = evaluate(cell.scenario, "greedy", episodes=3, seed=7)
     record = results.cells[0].record
@@ -71,8 +87,7 @@ def test_a_baseline_cell_says_what_evaluate_says(run, study):
     assert record.scenario_hash == expected.scenario_hash
 
 
-def test_a_trained_cell_keeps_its_run_its_curve_and_an_episode(run, study, tmp_path):
-    results = run()
+def test_a_trained_cell_keeps_its_run_its_curve_and_an_episode(results, study, tmp_path):
     cell = next(c for c in expand(*study) if c.trains)
     record = next(c.record for c in results.cells if c.record.key == cell.key)
     policy = RunFolder(tmp_path / "out" / "runs" / cell.key).load_policy()
@@ -175,12 +190,10 @@ def test_the_longest_cells_come_first(run):
     assert ["-ppo-" in key for key in pool.ran] == [True] * 4 + [False] * 2
 
 
-def test_processes_give_what_one_process_gives(run, study, tmp_path):
-    cells = expand(*study)
-    here = run(SameProcess(), cells)
+def test_processes_give_what_one_process_gives(run, results, tmp_path):
     (tmp_path / "out").rename(tmp_path / "first")
-    there = run(LocalProcesses(2), cells)
-    for a, b in zip(here.cells, there.cells, strict=True):
+    there = run(LocalProcesses(2))
+    for a, b in zip(results.cells, there.cells, strict=True):
         assert a.record.samples == b.record.samples
         assert a.record.episode == b.record.episode
 
@@ -220,8 +233,8 @@ def test_a_folder_in_which_a_study_runs_is_refused(run, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["study.json", "results.json"])
+@pytest.mark.usefixtures("results")
 def test_what_another_version_has_written_is_not_touched(run, tmp_path, name):
-    run()
     path = tmp_path / "out" / name
     path.write_text(json.dumps({**json.loads(path.read_text()), "world_version": -1}))
     before = {p: p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()}
@@ -230,8 +243,8 @@ def test_what_another_version_has_written_is_not_touched(run, tmp_path, name):
     assert before == {p: p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()}
 
 
+@pytest.mark.usefixtures("results")
 def test_a_cell_of_another_version_is_refused(run, study, tmp_path):
-    run()
     path = tmp_path / "out" / "cells" / f"{expand(*study)[0].key}.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "format": 0}))
     with pytest.raises(InputError, match="is of another version"):
@@ -262,8 +275,8 @@ def test_damaged_results_are_told_in_one_line(tmp_path, text, message):
         (lambda r: r.pop("seed"), "seed: Field required"),
     ],
 )
+@pytest.mark.usefixtures("results")
 def test_a_damaged_cell_is_told_in_one_line(run, study, tmp_path, change, message):
-    run()
     path = tmp_path / "out" / "cells" / f"{expand(*study)[0].key}.json"
     data = json.loads(path.read_text())
     change(data["record"])
@@ -273,8 +286,7 @@ def test_a_damaged_cell_is_told_in_one_line(run, study, tmp_path, change, messag
     assert "\n" not in str(error.value)
 
 
-def test_intervals_end_where_the_metric_does(run):
-    results = run()
+def test_intervals_end_where_the_metric_does(results):
     for cell in results.cells:
         estimate = results.measured(cell.series, cell.axis, "jain").estimate
         assert 0 <= estimate.low <= estimate.mean <= estimate.high <= 1
@@ -282,6 +294,5 @@ def test_intervals_end_where_the_metric_does(run):
     assert wide.estimate.low == 0
 
 
-def test_results_come_back_as_they_were_written(run):
-    results = run()
+def test_results_come_back_as_they_were_written(results):
     assert Results.model_validate_json(results.to_json()) == results
