@@ -1,7 +1,9 @@
 """Fixtures of all tests: one thread, a scenario that is small in every respect, `iout`."""
 
+import os
 import signal
 import sys
+from pathlib import Path
 
 import pytest
 import torch
@@ -12,6 +14,16 @@ from iout_marl import load_scenario, metrics, outside
 from iout_marl.cli import main
 from iout_marl.registry import registries
 from iout_marl.report.registry import report_named
+
+
+#: Before what is installed, in this process (see `pyproject.toml`) and in those that it starts.
+STUBS = str(Path(__file__).parent / "stubs")
+
+
+def pytest_configure():
+    """Let processes that are started find the stubs, too."""
+    paths = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
+    os.environ["PYTHONPATH"] = os.pathsep.join(dict.fromkeys([STUBS, *paths]))
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -95,6 +95,7 @@ def test_a_trained_cell_keeps_its_run_its_curve_and_an_episode(results, study, t
     assert record.samples["mean_aoi"] == pytest.approx(again.samples["mean_aoi"], rel=1e-6)
     assert record.training.env_steps == 560
     assert record.training.seconds > 0
+    assert record.training.emissions.energy_kwh > 0
     assert record.training.curve["env_steps"][-1] == 560
     assert len({len(values) for values in record.training.curve.values()}) == 1
     episode = Trajectory(**record.episode)
