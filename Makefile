@@ -1,5 +1,7 @@
 # make demo       train the paper's smallest scenario and compare it with the baselines
+# make quick      tests from every folder in a minute, for everyday work
 # make test       lint, types and the whole test suite
+# make coverage   which lines and branches the whole test suite runs
 # make reproduce  the paper's figures, tables and claims: a quarter of an hour on two cores
 # make site       the documentation site, in build/site: open build/site/index.html
 # make images     the pictures of README.md and docs/, made anew
@@ -13,7 +15,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := runs/demo
 
-.PHONY: demo reproduce docs site images test lint types pytest campaigns format bench integrations clean
+.PHONY: demo reproduce docs site images quick test lint types pytest coverage campaigns format bench integrations clean
 
 # Each stamp stands for an installation that need not be repeated.
 RUNTIME := $(VENV)/.runtime-installed
@@ -82,6 +84,9 @@ images: $(TEST)
 	$(BIN)/python docs/images/make.py
 	$(BIN)/python docs/images/model.py
 
+quick: $(TEST)
+	$(BIN)/pytest -n auto -m "not slow and not browser and not campaign"
+
 test: lint types pytest
 
 lint: $(TEST)
@@ -93,6 +98,9 @@ types: $(TEST)
 
 pytest: $(TEST)
 	$(BIN)/pytest -n auto
+
+coverage: $(TEST)
+	$(BIN)/pytest -n auto --cov --cov-report=term
 
 campaigns: $(TEST)
 	PYTHONPATH=tests $(BIN)/python -m campaigns

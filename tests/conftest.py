@@ -15,7 +15,6 @@ from iout_marl.cli import main
 from iout_marl.registry import registries
 from iout_marl.report.registry import report_named
 
-
 #: Before what is installed, in this process (see `pyproject.toml`) and in those that it starts.
 STUBS = str(Path(__file__).parent / "stubs")
 
@@ -24,6 +23,13 @@ def pytest_configure():
     """Let processes that are started find the stubs, too."""
     paths = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
     os.environ["PYTHONPATH"] = os.pathsep.join(dict.fromkeys([STUBS, *paths]))
+
+
+def pytest_collection_modifyitems(items):
+    """Mark what opens a browser."""
+    for item in items:
+        if "browser" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.browser)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -33,6 +33,7 @@ def test_there_are_six_changes_to_files_in_their_places():
     assert all((ROOT / path).parent.is_dir() for path in CHANGES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", PARTS)
 def test_a_part_keeps_the_contracts_of_its_role(path, forgotten_parts, monkeypatch):
     role, kind, settings = PARTS[path]

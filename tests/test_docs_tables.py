@@ -25,6 +25,7 @@ PAGE = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TABLES.TABLES)
 def test_is_fresh(name):
     page, _ = TABLES.TABLES[name]

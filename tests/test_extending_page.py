@@ -29,6 +29,7 @@ def _as_before(forgotten_metrics):
             registry.unregister(kind)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("snippet", SNIPPETS, ids=HEADINGS)
 def test_its_code_runs(snippet, capsys):
     exec(compile(snippet, "docs/extending.md", "exec"), {"__name__": "extending_page"})

@@ -142,6 +142,7 @@ def run(program, folder):
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_all_else_needs_no_extra(tmp_path, tiny_settings):
     program = f"""
 from iout_marl import cli
@@ -164,6 +165,7 @@ for words in (
     assert (tmp_path / "run/policy.safetensors").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["import iout_marl", "iout --help"])
 def test_nothing_heavy_is_imported_to_begin_with(how, tmp_path):
     program = {

@@ -17,6 +17,8 @@ from iout_marl.bounds.lagrangian_check import proven_age_sum
 from iout_marl.bounds.prices import Prices
 from iout_marl.errors import InputError
 
+pytestmark = pytest.mark.slow
+
 CASES = [
     # duplex, rule for β, motion, nodes, slots
     ("fdd", "paper", "six", 2, 5),

@@ -56,6 +56,7 @@ def world(settings=(), **options):
     return load_scenario(small_world(np.random.default_rng(1), "tdd", slots=3, **options), settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", ["access", "motion", "beta rule", "duplex", "placement"])
 def test_one_that_is_relied_on_is_named(from_outside, role):
     found = bound(world(from_outside(role)), seconds=1)

@@ -17,6 +17,7 @@ from iout_marl.bounds.scheduling import least_remaining_ages
 from iout_marl.errors import InputError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("looks", [1, 2, 3, 5, 8, 13, 21, 34, 55, 10_000])
 def test_a_search_that_is_cut_off_anywhere_has_a_bound_all_the_same(looks, monkeypatch):
     """As if the deadline came at the so manieth look at the clock."""
@@ -72,6 +73,7 @@ def test_ladders_rise_however_little_is_harvested(ladder, harvest_j):
     assert (np.diff(levels_j) > 0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duplex", ["fdd", "tdd"])
 @pytest.mark.parametrize("efficiency", [1e-15, 1e-12, 1.0])
 def test_search_and_check_agree_however_little_is_harvested(duplex, efficiency):

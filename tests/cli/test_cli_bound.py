@@ -12,6 +12,7 @@ from iout_marl.world import pin_layout
 SHORT = ["--set", "episode.duration_s=150"]
 
 
+@pytest.mark.slow
 def test_table_of_bounds_and_policies(iout):
     status, out, err = iout("bound", "paper/k3-tdd", *SHORT, "--policy", "greedy", "--seconds", 1)
     assert (status, err) == (0, "")
@@ -38,6 +39,7 @@ def test_json_has_bounds_gaps_and_certificate(iout, tmp_path):
     assert record["certificate"]["age_sum"] == round(record["best"] * 18)
 
 
+@pytest.mark.slow
 def test_json_to_a_file_goes_beside_the_table(iout, tmp_path):
     path = tmp_path / "bound.json"
     status, out, _ = iout("bound", "multi/m3-k10-fdd", *SHORT, "--json", path)
@@ -49,6 +51,7 @@ def test_json_to_a_file_goes_beside_the_table(iout, tmp_path):
     assert record["best"] == record["scheduling"]
 
 
+@pytest.mark.slow
 def test_the_layout_of_a_run_is_bounded_by_its_seed(iout):
     words = ("bound", "random/k3-fdd", *SHORT, "--seconds", 1, "--json", "-", "--seed")
     found = [json.loads(iout(*words, seed)[1]) for seed in (4, 4, 5)]
@@ -58,6 +61,7 @@ def test_the_layout_of_a_run_is_bounded_by_its_seed(iout):
     assert found[0]["energy_and_travel"] <= found[0]["policies"]["planner"]["mean_aoi"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("redraw", "when"), [("episode", "for every episode"), ("run", "for every run")]
 )
@@ -84,6 +88,7 @@ def test_bad_input(refused, words, expected):
     assert expected in refused("bound", *words)
 
 
+@pytest.mark.slow
 def test_json_that_cannot_be_written(iout, refused):
     words = ("bound", "multi/m3-k10-fdd", *SHORT, "--json")
     assert "missing/x.json: cannot be written: missing is no folder" in refused(
@@ -116,6 +121,7 @@ def test_policies_are_counted_one_by_one(iout):
     assert "Played: 20 episodes of each policy, from seed 3 on." in out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("off", "text"), [(1e-15, "0.0 %"), (1e-4, "-0.1 %"), (0.3, "-30.0 %")])
 def test_a_policy_below_a_bound_is_an_alarm_and_rounding_is_none(iout, monkeypatch, off, text):
     def too_high(scenario, best_known, seconds):

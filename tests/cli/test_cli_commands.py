@@ -40,6 +40,7 @@ def test_help_names_every_command(iout, words):
     assert all(re.search(rf"^  {command} +\S", out, re.MULTILINE) for command in COMMANDS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command", [c.name or c.callback.__name__ for c in app.registered_commands]
 )
@@ -49,12 +50,14 @@ def test_help_of_each_command(iout, command):
     assert f"Usage: iout {command} [OPTIONS]" in out
 
 
+@pytest.mark.slow
 def test_module_is_the_command():
     command = [sys.executable, "-m", "iout_marl", "--version"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout == f"{iout_marl.__version__}\n"
 
 
+@pytest.mark.slow
 def test_scenarios_are_listed_one_a_line(iout):
     status, out, _ = iout("scenarios")
     heading, *lines = out.splitlines()
@@ -137,6 +140,7 @@ def test_train_by_default_into_a_folder_named_after_scenario_and_seed(
     assert (tmp_path / "runs/best-k3-fdd-s2/result.json").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["../../x", "a b/c", "ä:\\n", '"x\\0y"'])
 def test_no_name_leads_out_of_the_folder_of_runs(iout, tiny_settings, tmp_path, name):
     words = ["train", "best/k3-fdd", *tiny_settings, "--set", f"name={name}", "--steps", 80]
@@ -157,6 +161,7 @@ def test_run_may_be_resumed_with_its_own_folder_as_out(iout, tiny_settings):
     assert iout(*words, "--out", "run", "--resume", "run")[0] == 0
 
 
+@pytest.mark.slow
 def test_progress_goes_to_standard_error(iout, tiny_settings):
     _, out, err = iout("train", "best/k3-fdd", *tiny_settings, "--out", "run")
     assert "100%" in err
@@ -226,6 +231,7 @@ def test_changes_of_the_scenario_are_part_of_the_record(iout):
     assert json.loads(out)["scenario_hash"] == expected
 
 
+@pytest.mark.slow
 def test_run_in_another_world_is_evaluated_by_transfer(iout, trained, tiny_settings):
     words = ["evaluate", "best/k3-fdd", *tiny_settings, "--set", "age.maximum=14"]
     status, out, _ = iout(*words, "--policy", trained, "--transfer", "--json", "-")
@@ -251,6 +257,7 @@ def test_figures_do_not_depend_on_who_else_is_evaluated(iout, trained, tiny_sett
     assert beside[1] == alone
 
 
+@pytest.mark.slow
 def test_baselines_need_no_torch():
     program = (
         "import sys; from iout_marl.cli import main\n"

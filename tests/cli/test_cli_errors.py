@@ -27,6 +27,7 @@ def folder(finished, tmp_path):
     return shutil.copytree(finished, tmp_path / "run")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
@@ -54,6 +55,7 @@ def test_command_line_that_cannot_be_read(refused, words, expected):
     assert line.endswith("(see: iout --help)")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["show", "train", "evaluate"])
 @pytest.mark.parametrize(
     ("words", "expected"),
@@ -232,6 +234,7 @@ def test_what_the_machine_refuses(refused, monkeypatch, error, expected):
     assert refused("scenarios") == expected
 
 
+@pytest.mark.slow
 def test_as_a_process_too(tmp_path):
     command = [sys.executable, "-m", "iout_marl", "show", "paper/k3-fd"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

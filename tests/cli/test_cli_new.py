@@ -48,12 +48,14 @@ def alternatives(text):
             yield name, re.search(r"^  kind: (\w+)", on, re.MULTILINE)[1], text.replace(block, on)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", BASES)
 def test_a_starter_is_what_it_extends(base, tmp_path):
     assert load(text_of(base), tmp_path).hash == load_scenario(base).hash
     assert all(len(line) <= 100 for line in text_of(base).splitlines())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", BASES)
 def test_every_section_key_and_kind_stands_in_it(base):
     text, scenario = text_of(base), load_scenario(base)
@@ -73,6 +75,7 @@ def test_every_section_key_and_kind_stands_in_it(base):
                 assert f"[{each.unit}; " in " ".join(block.replace("# ", "").split()), each.name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", BASES)
 def test_other_kinds_can_be_switched_on(base, tmp_path):
     found = list(alternatives(text_of(base)))

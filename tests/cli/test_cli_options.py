@@ -35,6 +35,7 @@ class TestNumbers:
         lines = (tmp_path / "run" / "seed-1" / "metrics.jsonl").read_text().splitlines()
         assert json.loads(lines[-1])["env_steps"] == 160
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         "words",
         [

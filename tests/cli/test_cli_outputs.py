@@ -50,6 +50,7 @@ def test_scenario_and_what_it_is_made_of(refused, tmp_path, own, words, target):
     assert contents(tmp_path) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["policy.json", "scenario.yaml", "result.json", "run.json", "metrics.jsonl", ".lock"]
 )
@@ -97,6 +98,7 @@ class TestMarkdown:
         assert line == f"{study / name}: cannot be written: it is a file of the study in {study}"
         assert contents(study) == before
 
+    @pytest.mark.slow
     def test_results_by_another_name(self, refused, study, tmp_path):
         (tmp_path / "link").symlink_to("out/results.json")
         os.link(study / "results.json", tmp_path / "hard")
@@ -105,6 +107,7 @@ class TestMarkdown:
         assert READ in refused("report", study, "--markdown", "hard")
         assert (study / "results.json").read_bytes() == before
 
+    @pytest.mark.slow
     def test_where_it_usually_goes(self, iout, study):
         assert iout("report", study, "--markdown", study / "report.md")[0] == 0
         assert iout("report", study, "--markdown", study / "mine.md")[0] == 0

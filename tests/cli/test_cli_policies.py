@@ -53,11 +53,13 @@ class TestLayouts:
         assert status == 0, err
         return json.loads(out)
 
+    @pytest.mark.slow
     def test_each_run_plays_in_its_own(self, iout, by_run, runs):
         together = self.evaluated(iout, by_run, *policies(*runs))
         assert together == [self.evaluated(iout, by_run, *policies(run)) for run in runs]
         assert len({record["scenario_hash"] for record in together}) == 3
 
+    @pytest.mark.slow
     def test_baselines_play_in_that_of_the_first_run(self, iout, by_run, runs):
         words = policies("greedy", runs[1], runs[0], "tour")
         hashes = [record["scenario_hash"] for record in self.evaluated(iout, by_run, *words)]

@@ -12,6 +12,8 @@ import pytest
 
 from iout_marl import terminal
 
+pytestmark = pytest.mark.slow
+
 IOUT = [sys.executable, "-m", "iout_marl"]
 EVALUATE = ["evaluate", "paper/k3-fdd", "--policy", "greedy", "--episodes", "2"]
 ALL = [["scenarios"], ["show", "paper/k3-fdd"], ["--help"], ["--version"], EVALUATE]

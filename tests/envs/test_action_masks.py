@@ -87,6 +87,7 @@ KINDS = pytest.mark.parametrize("kind", REACH)
 FLEETS = pytest.mark.parametrize("auvs", [1, 2, 3])
 
 
+@pytest.mark.slow
 @KINDS
 @FLEETS
 def test_a_node_is_masked_where_it_can_deliver_in_no_way_and_only_there(kind, auvs):
@@ -103,6 +104,7 @@ def test_a_node_is_masked_where_it_can_deliver_in_no_way_and_only_there(kind, au
     assert seen >= {(True, False), (True, True)}
 
 
+@pytest.mark.slow
 @KINDS
 @FLEETS
 def test_every_entry_has_a_choice_and_every_node_may_be_charged(kind, auvs):

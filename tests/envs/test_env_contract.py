@@ -35,6 +35,7 @@ def play(env, seed=0):
 # What is offered ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", bundled_names())
 def test_bundled_scenario_plays_an_episode(name):
     env = iout_v0.parallel_env(name)
@@ -414,6 +415,7 @@ def test_render_gives_what_its_mode_names(make, capsys):
         env.close()
 
 
+@pytest.mark.slow
 def test_pixels_are_a_picture_of_the_slot():
     env = iout_v0.parallel_env(scenario(auvs=3), render_mode="rgb_array")
     env.reset(seed=0)

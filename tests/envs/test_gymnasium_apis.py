@@ -20,6 +20,7 @@ def make_vec(world, mode="vector_entry_point", num_envs=3):
     return gymnasium.make_vec(ENV_ID, num_envs=num_envs, vectorization_mode=mode, scenario=world)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_joint_environment_passes_gymnasiums_checker(case):
     # It draws in every render mode: text is enough for most, `test_render` draws pixels.
@@ -31,6 +32,7 @@ def test_joint_environment_passes_gymnasiums_checker_in_every_render_mode():
     check_env(gymnasium.make(ENV_ID, scenario=scenario("tdd", 3)).unwrapped)
 
 
+@pytest.mark.slow
 def test_the_id_imports_the_package_by_itself():
     code = f"import gymnasium; print(gymnasium.make({ENV_ID!r}, scenario='paper/k3-tdd').unwrapped)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -50,6 +52,7 @@ def test_joint_spaces_are_those_of_the_auvs_end_to_end(duplex, auvs):
     np.testing.assert_array_equal(joint.observation_space.high, np.tile(observation.high, auvs))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_joint_environment_is_the_parallel_one_taken_together(case):
     world = case_scenario(case)

@@ -27,16 +27,19 @@ def world(request):
     return case_scenario(request.param)
 
 
+@pytest.mark.slow
 def test_parallel_api(world):
     parallel_api_test(iout_v0.parallel_env(world), CYCLES)
 
 
+@pytest.mark.slow
 def test_parallel_seed(world):
     parallel_seed_test(partial(iout_v0.parallel_env, world), CYCLES)
 
 
 # api_test advises Box and Discrete only; an action of several entries is neither, nor is
 # an observation with its mask beside it, for which api_test knows a list of environments.
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Action space for each agent probably should be")
 @pytest.mark.filterwarnings("ignore:Observation space for each agent probably should be")
 @pytest.mark.filterwarnings("ignore:Observation is not a NumPy array")
@@ -45,11 +48,13 @@ def test_aec_api(world, form):
     api_test(form(world), CYCLES)
 
 
+@pytest.mark.slow
 @AEC_FORMS
 def test_aec_seed(world, form):
     seed_test(partial(form, world), CYCLES)
 
 
+@pytest.mark.slow
 def test_state(world):
     state_test(iout_v0.env(world), iout_v0.parallel_env(world), CYCLES)
 
@@ -58,6 +63,7 @@ def test_max_cycles():
     max_cycles_test(iout_v0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("form", "case"),
     [(iout_v0.env, "fdd-1-fixed-none"), (iout_v0.raw_env, "tdd-3-episode-observation")],

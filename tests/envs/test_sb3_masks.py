@@ -60,6 +60,7 @@ PLAYED_BY = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("route", "duplex", "auvs"), PLAYED_BY)
 def test_masks_of_every_slot_are_those_of_the_parallel_environment(route, duplex, auvs):
     make, place = ROUTES[route]
@@ -139,6 +140,7 @@ def test_masks_come_through_wrappers():
             wrapped.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", [0, 2])
 def test_supersuit_without_masks_has_none_and_says_what_to_do(processes):
     vec_env = supersuit_vec_env(scenario(), WORLDS, processes)
@@ -168,6 +170,7 @@ def hidden_choices(told):
     return int((~np.take_along_axis(masks, actions + first, axis=1)).sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mask", MASKS)
 @pytest.mark.parametrize("auvs", STARTS)
 def test_maskable_ppo_trains_on_the_batched_world(auvs, mask):
@@ -192,6 +195,7 @@ def test_maskable_ppo_trains_on_the_batched_world(auvs, mask):
     assert np.isfinite(returns).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", [0, 2])
 @pytest.mark.parametrize("mask", ["info", "observation"])
 def test_maskable_ppo_trains_on_both_routes_alike(mask, processes):
@@ -206,6 +210,7 @@ def test_maskable_ppo_trains_on_both_routes_alike(mask, processes):
     routes[1].close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mask", MASKS)
 def test_maskable_ppo_trains_on_the_joint_environment_without_a_wrapper(mask):
     world = scenario(auvs=3, mask=mask, **TIGHT)

@@ -20,11 +20,13 @@ each_case = pytest.mark.parametrize("case", CASES)
 each_fleet = pytest.mark.parametrize("auvs", STARTS)
 
 
+@pytest.mark.slow
 @each_case
 def test_joint_environment_passes_sb3s_checker(case):
     check_env(AUVEnv(case_scenario(case)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("case", "worlds"), BATCHES)
 def test_slot_by_slot_it_plays_what_the_parallel_environments_play(case, worlds):
     world = case_scenario(case)

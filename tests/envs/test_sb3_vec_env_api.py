@@ -124,6 +124,7 @@ def test_actions_outside_their_space_are_refused(actions, message):
         vec_env.step(actions)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 @pytest.mark.parametrize("slots", [0, 4, SLOTS])
 def test_a_copy_goes_on_as_the_original_does(copied, slots):

@@ -45,11 +45,13 @@ def play(vec_env, slots, seed=0):
     return [vec_env.step(rng.integers(0, sizes)) for _ in range(slots)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_joint_environment_passes_sb3s_checker(case):
     check_env(AUVEnv(case_scenario(case)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", [0, 1, 2])
 @pytest.mark.parametrize("auvs", STARTS)
 def test_ppo_learns_through_supersuit(make_vec_env, auvs, processes):
@@ -68,6 +70,7 @@ def test_ppo_learns_beside_action_masks(make_vec_env, duplex, mask):
     PPO(policy, vec_env, **TINY_PPO).learn(8 * COPIES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", [0, 1, 2])
 def test_copy_i_is_the_environment_seeded_with_seed_plus_i(make_vec_env, processes):
     auvs, seed = 3, 11
@@ -79,6 +82,7 @@ def test_copy_i_is_the_environment_seeded_with_seed_plus_i(make_vec_env, process
         np.testing.assert_array_equal(observations[i * auvs : (i + 1) * auvs], expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", [0, 2])
 def test_reset_by_a_seed_repeats_and_without_one_goes_on(make_vec_env, processes):
     vec_env = make_vec_env(scenario("tdd", 1, "episode"), COPIES, processes)
@@ -93,6 +97,7 @@ def test_reset_by_a_seed_repeats_and_without_one_goes_on(make_vec_env, processes
     assert not np.array_equal(vec_env.reset(), first)
 
 
+@pytest.mark.slow
 def test_number_of_processes_changes_nothing(make_vec_env):
     world = scenario("fdd", 3, "episode")
     played = []
@@ -103,6 +108,7 @@ def test_number_of_processes_changes_nothing(make_vec_env):
         np.testing.assert_equal(other, played[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", [0, 2])
 def test_last_slot_is_told_as_a_time_limit(make_vec_env, processes):
     vec_env = make_vec_env(scenario(), COPIES, processes)
@@ -118,6 +124,7 @@ def test_copies_without_a_seed_draw_layouts_of_their_own(make_vec_env):
     assert len(np.unique(observations, axis=0)) > 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", [0, 2])
 def test_sb3s_wrappers_take_the_environment_without_a_warning(make_vec_env, processes):
     vec_env = VecNormalize(make_vec_env(scenario(), COPIES, processes))
@@ -125,6 +132,7 @@ def test_sb3s_wrappers_take_the_environment_without_a_warning(make_vec_env, proc
     assert np.isfinite(vec_env.reset()).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", [0, 1, 2])
 @pytest.mark.parametrize(("auvs", "mask"), [(1, "observation"), (3, "info")])
 def test_supersuits_own_vector_environment_plays(auvs, mask, processes):
@@ -147,6 +155,7 @@ def test_supersuits_own_vector_environment_plays(auvs, mask, processes):
         envs.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_torchrl_takes_the_environment(case):
     env = PettingZooWrapper(iout_v0.parallel_env(case_scenario(case)), return_state=True)

@@ -17,6 +17,7 @@ MASKED = scenario("fdd", 3, "episode", "observation", slots=6)
 FAULTY_SLOT = 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_environment_passes(case):
     world = case_scenario(case)
@@ -28,6 +29,7 @@ def test_environment_passes_by_every_default_seed():
     testing.check_parallel_env(lambda: iout_v0.parallel_env(WORLD))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duplex", ["fdd", "tdd"])
 def test_environment_of_the_paper_passes(duplex):
     testing.check_parallel_env(lambda: iout_v0.parallel_env(f"paper/k10-{duplex}"), seeds=(0,))
@@ -207,6 +209,7 @@ def name_of(fault):
     return getattr(fault, "__name__", None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fault", "message"), IN_A_SLOT.items(), ids=name_of)
 def test_fault_in_what_a_slot_hands_out_is_found(fault, message):
     must_fail(testing.check_contained, lambda: Faulty(fault), message)
@@ -410,6 +413,7 @@ def _global_generators():
     np.random.set_state(numpy)  # noqa: NPY002
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_global_generators")
 @pytest.mark.parametrize(
     ("broken", "whose"),

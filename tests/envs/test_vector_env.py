@@ -29,6 +29,7 @@ def arrays_of(returned):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_batched_environment_does_what_gymnasium_does_with_single_ones(case):
     world = case_scenario(case)

@@ -49,6 +49,7 @@ def assert_learns(mean_aoi, parameters, learn):
     assert mean_aoi() < before - MARGIN
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", ["sb3"], indirect=True)
 def test_stable_baselines3_learns(example):
     module, scenario = example
@@ -62,6 +63,7 @@ def test_stable_baselines3_learns(example):
 
 
 # TorchRL names the one version of PettingZoo that it is tested with.
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:PettingZoo in TorchRL is tested using version")
 @pytest.mark.parametrize("example", ["torchrl"], indirect=True)
 def test_mappo_of_torchrls_parts_learns(example):
@@ -74,6 +76,7 @@ def test_mappo_of_torchrls_parts_learns(example):
     )
 
 
+@pytest.mark.slow
 def test_scaling_by_the_space_erases_energies_and_by_the_ranges_does_not(capsys):
     spread = load_example("scaling.py").main("paper/k3-fdd")
     assert spread["space"] < 0.01

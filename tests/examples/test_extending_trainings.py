@@ -11,6 +11,8 @@ import pytest
 from iout_marl import evaluate
 from trainers import RunFolder
 
+pytestmark = pytest.mark.slow
+
 EXTENDING = Path(__file__).parents[2] / "examples" / "extending"
 #: Mean AoI in slots; on the paper's smallest scenario a random walk has 9, weights as drawn 20.
 LEARNT = 6.5

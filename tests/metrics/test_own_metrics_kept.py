@@ -64,6 +64,7 @@ class TestTraining:
         for name in OWN:
             assert logs[1][f"metrics/{name}"] == pytest.approx(alone[f"metrics/{name}"], rel=1e-4)
 
+    @pytest.mark.slow
     def test_recorded_slots_sum_as_those_that_are_run(self, own, tiny, monkeypatch):
         monkeypatch.setattr(collector, "NUMPY_DEVICES", ())
         monkeypatch.setitem(graphs.GRAPHS, "cpu", EmulatedGraph)
@@ -165,6 +166,7 @@ class TestStudies:
         shutil.copytree(finished, tmp_path / "out")
         return read_results(tmp_path / "out" / "results.json")
 
+    @pytest.mark.slow
     def test_records_tables_and_reports_have_it(self, results, tmp_path):
         assert results.metrics == (*METRICS, *OWN)
         header, row, *_ = (tmp_path / "out" / "results.csv").read_text().splitlines()
@@ -182,6 +184,7 @@ class TestStudies:
         assert "&lt;b&gt;drained in J" in page
         assert "<b>drained" not in page
 
+    @pytest.mark.slow
     def test_where_it_is_not_registered_it_is_shown_by_its_name(self, results, tmp_path):
         for name in OWN:
             metrics.unregister(name)
@@ -191,6 +194,7 @@ class TestStudies:
         text = render_markdown(build_report(again), "figures")
         assert "| worst_wait | failed | drained_j |" in text
 
+    @pytest.mark.slow
     def test_results_from_before_it_was_registered(self, results):
         old = results.model_copy(
             update={
@@ -211,6 +215,7 @@ class TestStudies:
         assert [row[-1] == "–" for row in overview.items[-1].rows] == [True, True, False, False]
         assert old.to_csv().splitlines()[1].count(",") == old.to_csv().splitlines()[0].count(",")
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["../x", "<script>", "$x_1$", "a|b", "`code`", "x" * 900, ""])
     def test_any_name_is_shown_as_it_is(self, results, name):
         data = json.loads(results.to_json())
@@ -223,6 +228,7 @@ class TestStudies:
         assert "<script>x" not in render_page(report)
         assert render_markdown(report, "figures")
 
+    @pytest.mark.slow
     def test_samples_that_are_too_few_are_damaged(self, results, tmp_path):
         data = json.loads(results.to_json())
         data["cells"][0]["record"]["samples"]["failed"] = [1.0]

@@ -151,6 +151,7 @@ def only(series, **changes):
     return change
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("claim", "series", "changes", "expected"),
     [
@@ -287,6 +288,7 @@ def test_cost_compares_time_energy_and_carbon():
     assert len(found.measured) == 2
 
 
+@pytest.mark.slow
 def test_a_wrong_digit_in_the_table_of_energies_is_found(monkeypatch):
     rows = link_figures.printed_energies()
     rows[2].true_j[0.5] = "132.6748"
@@ -299,6 +301,7 @@ def test_a_wrong_digit_in_the_table_of_energies_is_found(monkeypatch):
     assert table.rows[5][3] == "132.6747"
 
 
+@pytest.mark.slow
 def test_verdicts_on_the_link_rest_on_the_physics(monkeypatch):
     def slower(self, distance_m, beta):
         return (1 - beta) * np.ones_like(np.asarray(distance_m))

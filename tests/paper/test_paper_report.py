@@ -78,6 +78,7 @@ def test_cost_stands_beside_the_papers(report):
     assert len(table.rows) == 8
 
 
+@pytest.mark.slow
 def test_a_report_of_what_little_there_is_can_be_written():
     one = record("ppo", 3, 0, {"mean_aoi": 5.0})
     for made in (results([]), results([("tdd", "PPO-TDD", 3, one)])):
@@ -97,6 +98,7 @@ def spoiled(series, places=(3, 5, 7, 10), **metrics):
     return paper_like(change)
 
 
+@pytest.mark.slow
 def test_advice_follows_the_figures():
     better = judgements(paper_like())
     assert better[0].startswith("TDD: train on mean AoI alone with the better β rule")
@@ -135,6 +137,7 @@ def test_the_lead_says_how_trainings_differ_from_the_papers(report):
     assert "learning rate 0.004 (the paper: 0.0003)" in told
 
 
+@pytest.mark.slow
 def test_tables_show_the_settings_and_limits_that_were_used():
     made = paper_like()
     cells = tuple(
@@ -179,6 +182,7 @@ def test_markdown_keeps_its_tables_whatever_stands_in_a_cell():
     assert "**2\\*" in rows[-1]
 
 
+@pytest.mark.slow
 def test_the_readmes_table_is_of_the_committed_results():
     made = read_results(ROOT / "docs" / "results" / "results.json")
     text = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -74,6 +74,7 @@ REWARDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("contract", REWARDS)
 def test_contracts_that_fail(registered, contract):
     registered(parts.rewards, REWARDS[contract])
@@ -83,6 +84,7 @@ def test_contracts_that_fail(registered, contract):
     assert " AUV" in str(error.value)
 
 
+@pytest.mark.slow
 def test_a_part_says_what_depends_on_numbers_of_nodes(registered):
     first_counts = reward(lambda part, state, events: -state.age[:, :1], nodes_are_alike=False)
     registered(parts.rewards, first_counts)

@@ -6,6 +6,8 @@ from iout_marl.parts import Part
 from iout_marl.registry import registries
 from iout_marl.testing import check_part
 
+pytestmark = pytest.mark.slow
+
 CELLS = [[1, 1, 1], [4, 3, 2], [2, 3, 1], [4, 1, 1]]
 #: Settings of kinds that need some, and more of kinds that do more by them.
 SETTINGS = {

@@ -299,6 +299,7 @@ SPLITS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("message", SPLITS)
 @pytest.mark.parametrize("registry", [parts.duplexes, parts.beta_rules], ids=lambda r: r.role)
 def test_splits(scenario_with, registry, message):

@@ -180,6 +180,7 @@ def steps_of(scenario):
     return World(scenario).motion.steps.tolist(), scenario.reward.weight
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["my_parts", "my_parts.py"])
 def test_a_scenario_that_is_pickled_brings_its_parts_along(source):
     outside.bring_in(source)
@@ -188,6 +189,7 @@ def test_a_scenario_that_is_pickled_brings_its_parts_along(source):
         assert pool.apply(steps_of, (scenario,)) == steps_of(scenario)
 
 
+@pytest.mark.slow
 def test_a_run_says_which_import_is_missing(iout, tmp_path):
     words = ["train", "mine.yaml", "--import", "my_parts.py", "--out", "run", "--steps", "240"]
     status, out, err = iout(*words)
@@ -213,6 +215,7 @@ def test_a_run_says_which_import_is_missing(iout, tmp_path):
         load_policy("run")
 
 
+@pytest.mark.slow
 def test_a_study_takes_its_imports_to_its_workers(iout, tmp_path):
     group = {
         "scenarios": ["mine.yaml"],
@@ -232,6 +235,7 @@ def test_a_study_takes_its_imports_to_its_workers(iout, tmp_path):
     assert "unknown kind" in line.stderr
 
 
+@pytest.mark.slow
 def test_an_entry_point_brings_parts(tmp_path):
     info = tmp_path / "site" / "others-1.0.dist-info"
     info.mkdir(parents=True)
@@ -252,6 +256,7 @@ def test_an_entry_point_brings_parts(tmp_path):
     assert "others: entry point iout_marl.parts: not_there cannot be imported" in found.stderr
 
 
+@pytest.mark.slow
 def test_a_folder_of_the_users_does_not_stand_in_for_ours(tmp_path):
     (tmp_path / "trainers").mkdir()
     (tmp_path / "trainers" / "__init__.py").write_text("raise SystemExit('not this one')")

@@ -63,6 +63,7 @@ def broken(**methods):
     parts.networks.register("broken", version=1)(Broken)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
 def test_each_of_several_policies_is_what_it_would_be_alone(tiny, mine, changes):
     scenario = tiny({**changes, "training.network": "mine"})
@@ -94,6 +95,7 @@ def test_values_stay_what_they_are_when_returns_are_normalised_anew(tiny, mine):
     assert torch.equal(seen, trainer.collector.observe())
 
 
+@pytest.mark.slow
 def test_a_run_is_loaded_evaluated_and_resumed(tiny, mine, tmp_path):
     changes = {"training.learning_rate_schedule": "constant"}
     short, long = (tiny({**changes, "training.steps": steps}) for steps in (160, 320))

@@ -31,6 +31,8 @@ from iout_marl.testing.parts import ALONE, SMALL, TEAM
 from iout_marl.testing.recorded import actions_for, episode, first_state
 from iout_marl.world import World
 
+pytestmark = pytest.mark.slow
+
 AGAIN = "again_"
 #: What was found of scenarios whose parts are named as usual.
 KNOWN = {}

@@ -280,6 +280,7 @@ def test_a_band_must_stay_above_0_hz():
 
 
 # array_api_compat caches which library an array is of; the compiler looks through that.
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Dynamo detected a call to a `functools.lru_cache`")
 def test_unchecked_formulas_compile_into_one_graph():
     snr = torch.compile(physics.required_snr.unchecked, fullgraph=True, backend="eager")

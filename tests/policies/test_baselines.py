@@ -39,6 +39,7 @@ def is_uniform(values, size):
 @pytest.mark.parametrize("name", ["paper/k5-fdd", "paper/k3-tdd"])
 @pytest.mark.parametrize("changes", [{}, TWO_AUVS], ids=["one-auv", "two-auvs"])
 class TestEveryBaseline:
+    @pytest.mark.slow
     def test_stays_in_the_action_space(self, policy, name, changes):
         world, state, rng = start(name, changes, envs=7)
         actions, _ = play(policy(), world, state, rng, 50)
@@ -47,6 +48,7 @@ class TestEveryBaseline:
         assert (actions >= 0).all()
         assert (actions < world.action_sizes).all()
 
+    @pytest.mark.slow
     def test_draws_from_the_given_stream_alone(self, policy, name, changes):
         np.random.seed(3)  # noqa: NPY002
         first = play(policy(), *start(name, changes, envs=3), 20)[0]
@@ -164,6 +166,7 @@ ESTIMATES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("column", "nodes"), list(enumerate([3, 5, 7, 10])))
 def test_agrees_with_independent_estimates(column, nodes):
     found = [evaluate(f"paper/k{nodes}-tdd", p, 200).metrics["mean_aoi"].mean for p in ESTIMATES]

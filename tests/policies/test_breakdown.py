@@ -81,6 +81,7 @@ def test_the_way_of_a_single_episode():
     assert found["distance_m"].tolist() == [[way]]
 
 
+@pytest.mark.slow
 def test_the_command_has_a_row_for_each(iout, tmp_path):
     target = tmp_path / "f.json"
     words = ("evaluate", "multi/m2-k10-fdd", "--policy", "greedy", "--policy", "tour")

@@ -50,6 +50,7 @@ class TestEpisodesDependOnTheirSeedAlone:
         policy = make_baseline(policy) if isinstance(policy, str) else policy
         return scenario, policy(scenario) if policy is trained else policy
 
+    @pytest.mark.slow
     def test_in_a_batch_and_alone(self, scenario, policy, changes):
         scenario, policy = self.scenario_and_policy(scenario, policy, changes)
         together = evaluate(scenario, policy, COUNT, SEED)
@@ -59,6 +60,7 @@ class TestEpisodesDependOnTheirSeedAlone:
                 expected = pytest.approx(alone.samples[name][0], rel=1e-9, abs=1e-9)
                 assert together.samples[name][i] == expected, (i, name)
 
+    @pytest.mark.slow
     def test_recorded_in_full(self, scenario, policy, changes):
         scenario, policy = self.scenario_and_policy(scenario, policy, changes)
         together = evaluate(scenario, policy, COUNT, SEED)
@@ -75,6 +77,7 @@ def test_a_single_number_for_all_episodes_may_be_drawn():
     assert sorted(streams.permutation(6)) == list(range(6))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "draw",
     [
@@ -120,6 +123,7 @@ def test_single_precision_stays_below_one():
 
 
 class TestWithoutChance:
+    @pytest.mark.slow
     @pytest.mark.parametrize("policy", ["tour", "planner"])
     def test_one_episode_is_played(self, policy):
         found = evaluate(load_scenario("paper/k3-fdd", SHORT), policy, 7)

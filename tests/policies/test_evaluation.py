@@ -37,6 +37,7 @@ def fixed_plan(observation):
     return np.stack([direction, energy.argmin(-1), age.argmax(-1)], axis=-1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", [*BASELINES, fixed_plan])
 def test_same_seed_same_figures(random_layout, policy):
     first, second = (evaluate(random_layout, policy, 5, seed=3) for _ in range(2))
@@ -44,6 +45,7 @@ def test_same_seed_same_figures(random_layout, policy):
         assert np.array_equal(first.samples[name], second.samples[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", [*BASELINES, fixed_plan])
 def test_other_seed_other_figures(random_layout, policy):
     first, second = (evaluate(random_layout, policy, 5, seed=seed) for seed in (3, 99))

@@ -46,6 +46,7 @@ class Script:
 
 @EVERY_WORLD
 class TestPlans:
+    @pytest.mark.slow
     def test_are_what_the_world_makes_of_valid_actions(self, name, changes):
         world, state = start(name, {**SHORT, **changes})
         plan = Planner(world.scenario, searches=True).plan(state, Budget(rounds=2))
@@ -53,6 +54,7 @@ class TestPlans:
         assert ((plan.actions >= 0) & (plan.actions < world.action_sizes)).all()
         assert plan.age_sum == pytest.approx(age_sum(world, state, plan.actions))
 
+    @pytest.mark.slow
     def test_get_no_worse_by_searching_longer(self, name, changes):
         world, state = start(name, {**SHORT, **changes})
         tour = Planner(world.scenario, searches=False).plan(state).age_sum
@@ -61,6 +63,7 @@ class TestPlans:
         assert ages == sorted(ages, reverse=True)
         assert ages[-1] < ages[0] <= tour
 
+    @pytest.mark.slow
     def test_are_the_same_by_the_same_seed(self, name, changes):
         world, state = start(name, {**SHORT, **changes})
         plans = [
@@ -70,6 +73,7 @@ class TestPlans:
         assert np.array_equal(plans[0].actions, plans[1].actions)
         assert not np.array_equal(plans[0].actions, plans[2].actions)
 
+    @pytest.mark.slow
     def test_are_no_worse_than_the_policies_they_start_from(self, name, changes):
         world, state = start(name, {**SHORT, **changes})
         good = Planner(world.scenario, searches=True).plan(state, Budget(rounds=2))
@@ -80,6 +84,7 @@ class TestPlans:
         (*_, (last, _)) = play(World(world.scenario), warm)
         assert float(last.age_sum[0]) <= good.age_sum + 1e-9
 
+    @pytest.mark.slow
     def test_known_plans_stay_in_the_beam(self, name, changes):
         world, state = start(name, {**SHORT, **changes})
         good = Planner(world.scenario, searches=True).plan(state, Budget(rounds=1))
@@ -94,6 +99,7 @@ class TestPlans:
         assert age_sum(world, state, without) > good.age_sum
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duplex", ["fdd", "tdd"])
 @pytest.mark.parametrize("layout", [[[1, 1, 1], [3, 3, 1]], [[1, 2, 1], [2, 2, 1]]], ids=str)
 @pytest.mark.parametrize("distance_m", [100, 400])
@@ -142,6 +148,7 @@ class TestBudgets:
         monkeypatch.setattr("iout_marl.policies.search.time.monotonic", lambda: next(now))
         assert list(Budget(rounds=2).turns()) == [0, 1]
 
+    @pytest.mark.slow
     def test_are_shared_by_layouts(self, monkeypatch):
         budgets = []
 

@@ -77,6 +77,7 @@ def folder(tmp_path, monkeypatch):
             del sys.modules[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", ["mine_of_tests", "mine_of_tests.py", "./mine_of_tests.py"])
 @pytest.mark.parametrize("name", ["Still", "still", "Kind.Inner"])
 def test_found_and_played(place, name):
@@ -125,6 +126,7 @@ def test_the_working_folder_is_looked_through_last(folder):
     assert sys.path.count(str(folder)) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
@@ -156,6 +158,7 @@ def test_refused(refused, name, expected):
         assert line == str(raised.value).replace("policy", option, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BROKEN)
 @pytest.mark.parametrize("suffix", ["", ".py"])
 def test_what_fails_while_it_is_imported(refused, name, suffix):
@@ -174,6 +177,7 @@ def test_ctrl_c_passes(folder):
             load_policy(name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", ["mine_of_tests", "mine_of_tests.py"])
 def test_on_the_command_line(iout, place):
     words = ["--episodes", 2, "--policy", f"{place}:Still", "--policy", "greedy", "--json", "-"]
@@ -189,6 +193,7 @@ def test_on_the_command_line(iout, place):
 
 # What `python -c` is given stands for the script `iout`: by -P the working folder is not looked
 # through at all.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "entry",
     [["-m", "iout_marl"], ["-P", "-c", "from iout_marl.cli import main; main()"]],

@@ -163,6 +163,7 @@ def assert_as_evaluated(found, scenario, policy):
     assert total == pytest.approx(expected["reward"][: len(mean_aoi)], rel=1e-9)
 
 
+@pytest.mark.slow
 @each_way
 @pytest.mark.parametrize("auvs", [1, 2])
 @pytest.mark.parametrize("use_mask", [False, True], ids=["unmasked", "masked"])
@@ -179,6 +180,7 @@ def test_trained_policy(way, auvs, use_mask, mask, world, trained):
     assert_as_evaluated(way(scenario, predict), scenario, policy)
 
 
+@pytest.mark.slow
 @each_way
 @pytest.mark.parametrize("mask", MASKS)
 @pytest.mark.parametrize(

@@ -21,6 +21,8 @@ from iout_marl.policies.routes import (
 )
 from iout_marl.world import node_codes
 
+pytestmark = pytest.mark.slow
+
 OTHERS = ("random-walk", "round-robin", "greedy")
 BY_EPISODE = {"nodes": {"kind": "random", "count": 6}}
 SHORT = {"episode.duration_s": 500}

@@ -25,11 +25,13 @@ def test_a_name_that_is_none():
         iout_marl.trian  # noqa: B018
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", range(len(SNIPPETS)))
 def test_its_code_runs(index, capsys):
     exec(compile(SNIPPETS[index], f"docs/python.md, snippet {index}", "exec"), {})
 
 
+@pytest.mark.slow
 def test_torch_is_imported_only_where_something_is_trained():
     code = (
         "import sys, iout_marl as i\n"

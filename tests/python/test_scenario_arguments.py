@@ -191,6 +191,7 @@ def nested(settings):
     return sections
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("taker", TAKES)
 # Of a grid of one layer, whose cells have one depth.

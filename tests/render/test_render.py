@@ -115,6 +115,7 @@ def test_nobody_charges_in_a_tdd_slot_that_is_all_uplink():
     assert len(replace(tdd, splits_slot=False).charging()) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["first", "tdd", "three-auvs", "40-nodes", "crowd", "one-cell"])
 def test_picture_is_of_one_size_whatever_it_shows(name):
     picture = as_picture(replace(situation(name), title="costs $5_000 and $\\frac \n"))
@@ -128,6 +129,7 @@ NOTHING, EVERYTHING = np.full(10, np.nan), np.full(10, np.inf)
 FAR = [0.0, 5e-324, 1e-300, 1e-15, 1.0, 1e9, 1e60, 1e300, np.finfo(float).max, -5.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     [
@@ -152,6 +154,7 @@ def test_any_figures_and_any_name_are_shown(fdd, change):
     assert len(text.split("\n")) == len(as_text(fdd).split("\n"))
 
 
+@pytest.mark.slow
 def test_grids_of_any_form_are_shown():
     flat = {"grid.cells": [500, 2, 1], "nodes.cells": [[400, 2, 1]], "nodes.count": 1}
     many = {"nodes.kind": "random", "nodes.count": 200}
@@ -172,6 +175,7 @@ def test_what_the_terminal_cannot_show_is_replaced(monkeypatch, encoding):
     print_text("nowhere")
 
 
+@pytest.mark.slow
 def test_picture_of_one_snapshot_is_always_the_same(fdd, fdd_picture):
     np.testing.assert_array_equal(as_picture(fdd), fdd_picture)
 
@@ -278,6 +282,7 @@ def test_text_clips_long_tables_and_scales_large_maps():
     assert len(text.split("\n")) < 100
 
 
+@pytest.mark.slow
 def test_importing_the_package_loads_no_matplotlib_and_drawing_leaves_none_changed():
     program = """
 import sys
@@ -351,6 +356,7 @@ def test_steps_are_round():
     assert [round_step(x) for x in (0.1, 1, 1.5, 3, 7, 14, 450)] == [1, 1, 2, 5, 10, 20, 500]
 
 
+@pytest.mark.slow
 def test_pictures_do_not_depend_on_those_before_them(fdd_picture):
     """What stays from one picture to the next is kept."""
     others = ["tdd", "one-cell", "40-nodes", "fdd"]

@@ -48,6 +48,7 @@ def test_recording_holds_every_state_and_event(scenario):
     assert place == recording.slots == recording.num_slots
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_snapshots_are_those_of_the_world(scenario):
     recording, world = record_policy(scenario, "greedy"), World(scenario)
@@ -102,6 +103,7 @@ def own_loop(env, seed):
     return env.recording
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", [*SCENARIOS, "multi/m4-k10-fdd"])
 def test_ones_own_loop_is_recorded(scenario):
     """A single environment, number by number or by arrays, plays what the world does."""

@@ -33,6 +33,7 @@ def written(made):
     return report, page, text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["paper", "plain"])
 @pytest.mark.parametrize("part", range(4))
 def test_results_at_random(kind, part):
@@ -42,6 +43,7 @@ def test_results_at_random(kind, part):
         written(made)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [14, 30, 52])
 def test_pictures_of_results_at_random(seed):
     figures = list(build_report(any_results(seed)).figures())
@@ -82,6 +84,7 @@ def test_numbers_that_no_study_has_are_refused_in_one_line(path, value):
     assert str(caught.value).isprintable()
 
 
+@pytest.mark.slow
 def test_failures_alone_and_nothing_at_all():
     failure = Failure(series="PPO", axis=3, seed=0, error="it | diverged `at` once")
     for kind in ("paper", "plain"):
@@ -106,6 +109,7 @@ def test_age_0_has_no_gap_in_percent():
     assert "| b | 3 | 2.00 | 0.000 | 0.000 | –\N{NO-BREAK SPACE}% |" in text
 
 
+@pytest.mark.slow
 def test_a_series_of_many_and_many_series_are_drawn_in_parts():
     cells = [
         ("g", f"series {i}", 3 + i % 2, record("greedy", 3, 0, {"mean_aoi": [i + 1, i + 2]}))

@@ -71,6 +71,7 @@ def test_numbers_are_categories_where_bars_are_grouped_and_single_ones_everywher
         assert plot.x.scale == "categories"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "places", [[0, 0.0], [1e50, -1e50], [1, 1 + 1e-12], list(range(300)), [5e-324, 1], [-3, -2]]
 )

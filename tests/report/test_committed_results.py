@@ -27,6 +27,7 @@ COMMITTED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study", COMMITTED)
 def test_results_are_of_the_study_as_it_stands(study):
     made = read_results(DOCS / COMMITTED[study][0] / "results.json")
@@ -34,6 +35,7 @@ def test_results_are_of_the_study_as_it_stands(study):
     assert [cell.record.key for cell in made.cells] == [cell.key for cell in cells]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study", COMMITTED)
 def test_page_is_that_of_the_results(study):
     name, page = COMMITTED[study]
@@ -105,6 +107,7 @@ def gap_row(made, label):
     return f"| {' | '.join(cells)} |"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", GAPS)
 def test_the_table_of_gaps_is_of_the_results(label):
     made = read_results(DOCS / "gap" / "results.json")
@@ -124,12 +127,14 @@ def front_row(made, world):
     return f"| `{world}` | {' | '.join(ends)} |"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("world", FRONTS)
 def test_the_table_of_fronts_is_of_the_results(world):
     made = read_results(DOCS / "fairness" / "results.json")
     assert front_row(made, world) in (DOCS / "gap.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_table_of_the_readme_is_of_the_results():
     made = read_results(DOCS / "gap" / "results.json")
     text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
@@ -149,6 +154,7 @@ def study_row(made, series):
     return f"| {' | '.join([series, *(number(estimate, 2) for estimate in estimates)])} |"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("series", SERIES)
 def test_the_readme_has_the_figures_of_the_paper_s_study(series):
     made = read_results(DOCS / "results" / "results.json")

@@ -39,6 +39,7 @@ def pictures():
 # ---- static
 
 
+@pytest.mark.slow
 @each_figure
 def test_pictures_are_whole(figure, pictures):
     image = Image.open(io.BytesIO(pictures[figure.key]["png"]))
@@ -50,6 +51,7 @@ def test_pictures_are_whole(figure, pictures):
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
 
 
+@pytest.mark.slow
 @each_figure
 def test_same_data_give_same_bytes(figure, pictures):
     again = draw(figure)
@@ -57,6 +59,7 @@ def test_same_data_give_same_bytes(figure, pictures):
     assert not re.search(rb"<dc:date>|20\d\d-\d\d-\d\d", again["svg"])
 
 
+@pytest.mark.slow
 def test_other_data_give_other_pictures(pictures):
     moved = replace(NODES, lines=(replace(NODES.lines[0], y=(9, 10, 11, 12)), *NODES.lines[1:]))
     assert draw(moved)["png"] != pictures[NODES.key]["png"]
@@ -74,6 +77,7 @@ def test_dollar_signs_are_no_formulas():
     draw(replace(BARS, x=Axis("price in $", scale="categories"), y=Axis(r"a $\broken formula")))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", ["linear", "log", "categories"])
 def test_plot_of_one_point_or_none_is_drawn(scale):
     for lines in ((), (Line("alone", (3,), (1.0,)),), (Line("unknown", (3,), (math.nan,)),)):
@@ -189,6 +193,7 @@ def test_depth_grows_downwards():
 # ---- files
 
 
+@pytest.mark.slow
 def test_report_is_written_with_every_figure(tmp_path, pictures):
     write_report(SAMPLE, tmp_path / "new" / "folder")
     folder = tmp_path / "new" / "folder"
@@ -226,6 +231,7 @@ def test_folder_that_cannot_be_made_is_named(tmp_path):
         write_report(report, tmp_path / "file")
 
 
+@pytest.mark.slow
 def test_a_report_that_cannot_be_written_leaves_the_earlier_one(tmp_path):
     small = Report("Small", (), (), (Section("s", "S", (), (BARS,)),))
     write_report(small, tmp_path)

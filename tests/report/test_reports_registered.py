@@ -40,6 +40,7 @@ def test_this_package_has_the_papers_report_and_one_for_all_others():
     assert not build_report(results(ONE, report="plain")).title.startswith("Reproduction: ")
 
 
+@pytest.mark.slow
 def test_a_users_report_is_written_from_the_study_that_names_it(iout, tmp_path):
     (tmp_path / "my_reports.py").write_text(MY_REPORTS)
     mine = str(tmp_path / "my_reports.py")

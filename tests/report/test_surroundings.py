@@ -68,6 +68,7 @@ def printed(program, **surroundings):
     return result.stdout.strip()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "settings", [b"axes.formatter.use_locale: True", b"\xff\xfe\0", b"text.usetex: perhaps\nx"]
 )
@@ -87,6 +88,7 @@ def usual():
     return printed(PROGRAM)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "surroundings",
     [
@@ -106,6 +108,7 @@ def test_what_is_drawn_is_the_same_in_any_surroundings(usual, surroundings, tmp_
     assert printed(PROGRAM, MATPLOTLIBRC=str(tmp_path), **surroundings) == usual
 
 
+@pytest.mark.slow
 def test_the_users_settings_are_as_before():
     program = """
 from test_render import play
@@ -176,6 +179,7 @@ def test_signs_without_a_shape_of_their_own_are_left_out_where_no_font_has_them(
     assert set(instead.values()) <= {""}
 
 
+@pytest.mark.slow
 def test_characters_without_a_font_are_one_sign_and_no_warning(font):
     _, instead = fonts_for(f"{FOREIGN}x")
     if not instead:

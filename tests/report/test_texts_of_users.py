@@ -136,6 +136,7 @@ def test_names_that_look_alike_once_cleaned_stay_two():
     assert [row[0] for row in rows] == ["a\ufffdb", "a\ufffdb (2)", "a\ufffdb (3)"]
 
 
+@pytest.mark.slow
 def test_page_shows_it_and_runs_nothing(report, browser, tmp_path):
     write_report(report, tmp_path)
     watched = Watched(browser, (tmp_path / "report.html").as_uri())
@@ -169,6 +170,7 @@ def test_page_shows_it_and_runs_nothing(report, browser, tmp_path):
     watched.context.close()
 
 
+@pytest.mark.slow
 def test_text_that_points_tell_of_is_no_template(report, browser, tmp_path):
     path = tmp_path / "report.html"
     path.write_text(render_page(build_report(named(["%{x} <b>&lt;", "other"]))), encoding="utf-8")

@@ -70,6 +70,7 @@ def test_rows_have_every_slot_of_every_auv():
     assert rows[1][2:] == ["5", "4", "2", "2", "2", "1", "2", "1"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     [
@@ -87,11 +88,13 @@ def test_what_differs_in_an_episode_differs_in_picture_and_page(change):
     assert plotly_json(other) != plotly_json(TEAM_FIGURE)
 
 
+@pytest.mark.slow
 def test_a_way_that_is_taken_again_lies_beside_itself():
     once, often = (replace(TRAJECTORY, episode=Trajectory(**episode(1, [0] * n))) for n in (9, 29))
     assert draw(once)["png"] != draw(often)["png"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("grid", [[1, 1, 1], [40, 2, 1], [2, 3, 50]])
 def test_grids_of_any_form_are_drawn(grid):
     still = Trajectory(

@@ -80,6 +80,7 @@ def test_has_a_world(name):
     assert World(scenario).num_slots == scenario.num_slots
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXPECTED)
 def test_round_trip_through_yaml(name, tmp_path):
     scenario = load_scenario(name)
@@ -108,6 +109,7 @@ def test_round_trip_of_every_part(changes, tmp_path):
     assert load_scenario(path) == scenario
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @example("\x85- #\n\t\r")
 @given(st.text(st.characters(exclude_categories=["Cs"]), max_size=200))

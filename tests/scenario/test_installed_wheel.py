@@ -54,10 +54,12 @@ def seen(unpacked):
     return json.loads(printed.stdout)
 
 
+@pytest.mark.slow
 def test_both_packages_come_from_the_wheel(unpacked, seen):
     assert all(Path(file).is_relative_to(unpacked) for file in seen["from"])
 
 
+@pytest.mark.slow
 def test_bundled_scenarios_are_found_and_the_same(seen):
     assert seen["hashes"] == {name: load_scenario(name).hash for name in bundled_names()}
 

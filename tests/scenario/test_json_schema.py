@@ -259,6 +259,7 @@ def test_a_part_from_outside_is_in_it(iout):
         parts.rewards.unregister("of_the_test")
 
 
+@pytest.mark.slow
 def test_the_command_prints_it_and_writes_it(iout, refused, tmp_path):
     assert json.loads(iout("schema")[1]) == SCHEMA
     assert json.loads(iout("schema", "--output", "-")[1]) == SCHEMA

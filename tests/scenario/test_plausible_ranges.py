@@ -56,6 +56,7 @@ def test_bundled_scenarios_need_nothing_allowed():
     assert all(load_scenario(name).allow_implausible == () for name in bundled_names())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scenario", "key", "bound"), BOUNDS)
 def test_beyond_a_range_a_number_must_be_allowed_by_name(scenario, key, bound):
     limits = range_of(scenario, key)

@@ -248,12 +248,14 @@ LINES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "expected"), FILES.items())
 def test_bad_file(tmp_path, text, expected):
     (tmp_path / "bad.yaml").write_text(text, encoding="utf-8", errors="surrogateescape")
     assert message("bad.yaml").startswith("bad.yaml" + expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "expected"), LINES.items())
 def test_bad_value(tmp_path, text, expected):
     (tmp_path / "bad.yaml").write_text("extends: paper/k3-fdd\n" + text, encoding="utf-8")

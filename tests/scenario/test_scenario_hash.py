@@ -76,6 +76,7 @@ LEAVES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "key", "value"), LEAVES)
 def test_changes_with_every_value(name, key, value):
     scenario, changed = SCENARIOS[name], []
@@ -176,6 +177,7 @@ def test_same_world_has_the_same_world_hash():
     assert paper.hash != best.hash
 
 
+@pytest.mark.slow
 def test_is_the_same_in_another_process():
     names = bundled_names()
     program = (

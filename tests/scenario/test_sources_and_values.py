@@ -185,6 +185,7 @@ def test_all_unknown_keys_in_one_line(tmp_path):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("section", ["", "training"])
 def test_of_many_unknown_keys_some_are_described_and_all_counted(tmp_path, section):
     keys = "".join(f"{' ' * bool(section)}k{i}: 1\n" for i in range(20_000))
@@ -217,6 +218,7 @@ def test_bases_that_double_at_each_level_are_read_once(tmp_path):
     assert load_scenario("c0").num_nodes == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "line", ["extends: {}", "extends: [{0}, {0}]", f"extends: [{'{}, ' * 60}]".replace("{}", "{0}")]
 )

@@ -55,6 +55,7 @@ def trained_cells(tmp_path):
     return sorted((tmp_path / "out" / "cells").glob("*-ppo-*.json"))
 
 
+@pytest.mark.slow
 def test_a_study_survives_the_loss_of_a_worker(cluster, start, tmp_path):
     running = start("--scheduler", cluster.address)
     wait_for(lambda: trained_cells(tmp_path) or running.poll() is not None)
@@ -70,6 +71,7 @@ def test_a_study_survives_the_loss_of_a_worker(cluster, start, tmp_path):
     assert all((run / "policy.safetensors").stat().st_size for run in (out / "runs").iterdir())
 
 
+@pytest.mark.slow
 def test_a_study_that_loses_its_scheduler_says_how_to_go_on_and_does(cluster, start, tmp_path):
     running = start("--scheduler", cluster.address)
     wait_for(lambda: trained_cells(tmp_path) or running.poll() is not None)
@@ -90,6 +92,7 @@ def test_a_study_that_loses_its_scheduler_says_how_to_go_on_and_does(cluster, st
     assert before == {path: path.stat().st_mtime_ns for path in kept}
 
 
+@pytest.mark.slow
 def test_a_study_on_a_cluster_is_stopped_like_any_other(cluster, start, tmp_path):
     running = start("--scheduler", cluster.address)
     wait_for(lambda: trained_cells(tmp_path) or running.poll() is not None)
@@ -101,6 +104,7 @@ def test_a_study_on_a_cluster_is_stopped_like_any_other(cluster, start, tmp_path
     assert "Traceback" not in told
 
 
+@pytest.mark.slow
 def test_a_cluster_without_workers_is_waited_for(tmp_path):
     with Cluster(tmp_path, workers=0) as empty:
         pool = DaskCluster(empty.address)
@@ -146,6 +150,7 @@ STRANGERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("answer", STRANGERS.values(), ids=STRANGERS)
 def test_what_only_listens_is_no_scheduler(monkeypatch, answer):
     monkeypatch.setattr(on_dask, "CONNECT_S", 1)
@@ -157,6 +162,7 @@ def test_what_only_listens_is_no_scheduler(monkeypatch, answer):
     assert str(e.value).isprintable()
 
 
+@pytest.mark.slow
 def test_the_port_of_a_web_page_is_no_schedulers(monkeypatch):
     monkeypatch.setattr(on_dask, "CONNECT_S", 1)
 
@@ -172,6 +178,7 @@ def test_the_port_of_a_web_page_is_no_schedulers(monkeypatch):
         server.shutdown()
 
 
+@pytest.mark.slow
 def test_the_address_of_a_worker_is_told(cluster):
     log = cluster.folder / "cluster.log"
     start = "Start worker at: "
@@ -180,6 +187,7 @@ def test_the_address_of_a_worker_is_told(cluster):
         DaskCluster(lines[0].partition(start)[2].strip())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "address", ["tcp://127.0.0.1:9", "tls://127.0.0.1:9", "ucx://127.0.0.1:9", "foo://h:8"]
 )
@@ -201,6 +209,7 @@ def test_without_dask_the_extra_is_named(monkeypatch):
         DaskCluster("tcp://127.0.0.1:9")
 
 
+@pytest.mark.slow
 def test_packages_that_differ_are_named_in_the_line_and_not_in_a_table(tmp_path, monkeypatch):
     from distributed import client
 

@@ -39,6 +39,7 @@ def work():
     return "done"
 
 
+@pytest.mark.slow
 def test_energy_is_measured_and_carbon_follows_from_it():
     result, found = emissions.measured(work, 571.0)
     assert result == "done"
@@ -47,6 +48,7 @@ def test_energy_is_measured_and_carbon_follows_from_it():
     assert found.codecarbon == version("codecarbon")
 
 
+@pytest.mark.slow
 def test_every_measurement_counts_only_its_own():
     first = emissions.measured(work, 571.0)[1]
     idle = emissions.measured(lambda: None, 571.0)[1]

@@ -11,6 +11,8 @@ import psutil
 import pytest
 from tiny_study import PATIENCE_S, STUDY, wait_for, write_study
 
+pytestmark = pytest.mark.slow
+
 #: Trainings of a second or two: long enough to be killed in.
 SETTINGS = {"training.steps": 4_000}
 CELLS = 6

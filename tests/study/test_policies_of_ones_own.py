@@ -41,6 +41,7 @@ def study(tmp_path, policy="second_of_study.py:Second"):
     return write_study(tmp_path / "mine.yaml", groups={"both": group}, quick={})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", ["second_of_study.py:Second", "second_of_study:Second"])
 def test_worker_processes_play_them(iout, tmp_path, policy):
     words = ["reproduce", "--study", study(tmp_path, policy), "--out", "out", "--jobs", 1]

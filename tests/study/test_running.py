@@ -68,6 +68,7 @@ def results(finished, tmp_path):
     return read_results(tmp_path / "out" / "results.json")
 
 
+@pytest.mark.slow
 def test_every_cell_gives_its_record_and_the_folder_holds_all_of_it(run, study, tmp_path):
     results = run()
     cells = expand(*study)
@@ -78,6 +79,7 @@ def test_every_cell_gives_its_record_and_the_folder_holds_all_of_it(run, study, 
     assert len({len(row.split(",")) for row in rows if '"' not in row}) == 1
 
 
+@pytest.mark.slow
 def test_a_baseline_cell_says_what_evaluate_says(results, study):
     cell = expand(*study)[0]
     expected = evaluate(cell.scenario, "greedy", episodes=3, seed=7)
@@ -87,6 +89,7 @@ def test_a_baseline_cell_says_what_evaluate_says(results, study):
     assert record.scenario_hash == expected.scenario_hash
 
 
+@pytest.mark.slow
 def test_a_trained_cell_keeps_its_run_its_curve_and_an_episode(results, study, tmp_path):
     cell = next(c for c in expand(*study) if c.trains)
     record = next(c.record for c in results.cells if c.record.key == cell.key)
@@ -152,6 +155,7 @@ def test_how_long_a_search_takes_is_part_of_its_cell_alone(searched):
     assert [a.key == b.key for a, b in zip(usual, quick, strict=True)] == [True, True, *[False] * 4]
 
 
+@pytest.mark.slow
 def test_a_stopped_study_goes_on_from_its_last_finished_cell(run):
     stopped = SameProcess(stop_after=3)
     with pytest.raises(KeyboardInterrupt):
@@ -164,6 +168,7 @@ def test_a_stopped_study_goes_on_from_its_last_finished_cell(run):
     assert run(SameProcess(stop_after=0)) == results
 
 
+@pytest.mark.slow
 def test_cells_that_compute_the_same_are_run_once(run, study):
     cells = expand(*study)
     twin = [*cells, *(type(c)("twin", "twin", *list(vars(c).values())[2:]) for c in cells[:2])]
@@ -173,6 +178,7 @@ def test_cells_that_compute_the_same_are_run_once(run, study):
     assert len(results.cells) == 8
 
 
+@pytest.mark.slow
 def test_a_failed_cell_is_reported_and_tried_again_and_stops_nothing(run, study):
     broken = expand(*study)[2]
     results = run(SameProcess({broken.key: ValueError("broken\nfor good")}))
@@ -185,12 +191,14 @@ def test_a_failed_cell_is_reported_and_tried_again_and_stops_nothing(run, study)
     assert again.ran == [broken.key]
 
 
+@pytest.mark.slow
 def test_the_longest_cells_come_first(run):
     pool = SameProcess()
     run(pool)
     assert ["-ppo-" in key for key in pool.ran] == [True] * 4 + [False] * 2
 
 
+@pytest.mark.slow
 def test_processes_give_what_one_process_gives(run, results, tmp_path):
     (tmp_path / "out").rename(tmp_path / "first")
     there = run(LocalProcesses(2))
@@ -199,6 +207,7 @@ def test_processes_give_what_one_process_gives(run, results, tmp_path):
         assert a.record.episode == b.record.episode
 
 
+@pytest.mark.slow
 def test_a_cell_that_kills_its_process_fails_alone(run):
     results = run(DeadlyProcesses(2))
     assert {(f.series, f.seed) for f in results.failures} == {("ppo, paper", 1), ("ppo, no age", 1)}
@@ -233,6 +242,7 @@ def test_a_folder_in_which_a_study_runs_is_refused(run, tmp_path):
     opened(tmp_path / "out")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["study.json", "results.json"])
 @pytest.mark.usefixtures("results")
 def test_what_another_version_has_written_is_not_touched(run, tmp_path, name):
@@ -244,6 +254,7 @@ def test_what_another_version_has_written_is_not_touched(run, tmp_path, name):
     assert before == {p: p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("results")
 def test_a_cell_of_another_version_is_refused(run, study, tmp_path):
     path = tmp_path / "out" / "cells" / f"{expand(*study)[0].key}.json"
@@ -266,6 +277,7 @@ def test_damaged_results_are_told_in_one_line(tmp_path, text, message):
         read_results(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -287,6 +299,7 @@ def test_a_damaged_cell_is_told_in_one_line(run, study, tmp_path, change, messag
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_intervals_end_where_the_metric_does(results):
     for cell in results.cells:
         estimate = results.measured(cell.series, cell.axis, "jain").estimate
@@ -295,5 +308,6 @@ def test_intervals_end_where_the_metric_does(results):
     assert wide.estimate.low == 0
 
 
+@pytest.mark.slow
 def test_results_come_back_as_they_were_written(results):
     assert Results.model_validate_json(results.to_json()) == results

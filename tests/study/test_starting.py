@@ -25,6 +25,7 @@ def made(folder, names):
     return {path: path.is_file() and path.read_text() for path in folder.rglob("*")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "left",
     [

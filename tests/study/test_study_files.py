@@ -92,6 +92,7 @@ def test_quick_searches_as_long_as_it_says(tmp_path):
         assert (planner.planner_rounds, bound.bound_seconds) == efforts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study", ["paper", "gap"])
 @pytest.mark.parametrize("quick", [False, True])
 def test_every_world_of_these_studies_has_a_bound(study, quick):
@@ -234,6 +235,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("changes", "message"), MISTAKES.values(), ids=MISTAKES)
 def test_a_mistake_is_told_with_file_and_line(tmp_path, changes, message):
     path = write_study(tmp_path / "study.yaml", **changes)
@@ -243,6 +245,7 @@ def test_a_mistake_is_told_with_file_and_line(tmp_path, changes, message):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study", ["paper", "gap", "fairness", "multi"])
 def test_no_two_cells_of_a_study_are_described_alike(study):
     told = [cell.describe() for cell in cells_of(study)]

@@ -9,7 +9,13 @@ from iout_marl import evaluate
 from iout_marl.world import redraws_every_episode
 from trainers import TrainedPolicy, Trainer, collector
 
-needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
+
+def needs_cuda(test):
+    """For a test on a CUDA device."""
+    there = torch.cuda.is_available()
+    return pytest.mark.gpu(pytest.mark.skipif(not there, reason="no CUDA device here")(test))
+
+
 TWO_AUVS = {"auvs.start_cells": [[2, 1, 1], [1, 2, 1]]}
 VARIANTS = {
     "plain": {},
@@ -65,6 +71,7 @@ def assert_alike(first, second, tolerance):
         )
 
 
+@pytest.mark.slow
 def test_learns_the_same_as_on_numpy(scenario, monkeypatch):
     on_numpy = Trainer(scenario, seed=2)
     monkeypatch.setattr(collector, "NUMPY_DEVICES", ())
@@ -75,6 +82,7 @@ def test_learns_the_same_as_on_numpy(scenario, monkeypatch):
     assert_alike(on_torch.weights(), on_numpy.weights(), 1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("on_torch")
 @pytest.mark.parametrize("replicas", [1, 2])
 def test_host_never_waits_within_an_iteration(scenario, replicas):

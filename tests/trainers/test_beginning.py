@@ -127,6 +127,7 @@ class TestFilesOfOthers:
 
 
 class TestLeftovers:
+    @pytest.mark.slow
     @pytest.mark.parametrize("iterations", [0, 2])
     def test_run_that_never_saved_may_start_again(self, tiny, tmp_path, killed, iterations):
         killed(tmp_path / "run", iterations)
@@ -153,6 +154,7 @@ class TestLeftovers:
         with pytest.raises(InputError, match=REFUSAL.format("metrics.jsonl")):
             quietly(tiny(), tmp_path)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("replicas", [1, 2])
     def test_a_save_takes_the_mark_away(self, tiny, tmp_path, replicas):
         quietly(tiny(), tmp_path / "run", replicas=replicas)
@@ -223,6 +225,7 @@ class TestWhichPoliciesAreMeant:
         assert [run.path.name for run in outcome.runs] == ["seed-3", "seed-4"]
         assert RunFolder(tmp_path / "seed-5").policy_shape()["env_steps"] == 80
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("steps", [(560,), (480, 560)], ids=["one", "both"])
     def test_that_have_been_trained_alone(self, tiny, tmp_path, steps):
         quietly(tiny({"training.steps": 480}), tmp_path, seed=3, replicas=2)
@@ -234,6 +237,7 @@ class TestWhichPoliciesAreMeant:
         with pytest.raises(InputError, match=f"these runs {fault}; continue with each by its own"):
             quietly(tiny({"training.steps": 640}), tmp_path, resume=True)
 
+    @pytest.mark.slow
     def test_that_is_missing(self, tiny, tmp_path):
         quietly(tiny(), tmp_path, seed=3, replicas=2)
         shutil.rmtree(tmp_path / "seed-4")
@@ -259,6 +263,7 @@ main()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", SIGNALS, ids=lambda number: number.name)
 def test_signal_ends_a_training_that_is_only_being_built(tiny_settings, tmp_path, number):
     program = tmp_path / "iout.py"  # so called, it is the command line

@@ -115,6 +115,7 @@ def test_stopped_training_is_saved_evaluated_and_can_be_resumed(short, tmp_path)
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("event", "at", "saved"),
     [
@@ -192,6 +193,7 @@ def test_callbacks_of_replicas_see_the_figures_of_each(short, tmp_path):
 class TestSave:
     """`Trainer.save`."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("replicas", [1, 2])
     def test_makes_a_run_that_can_be_loaded_and_resumed(self, short, tmp_path, replicas):
         trainer = Trainer(short, 3, replicas=replicas)

@@ -89,6 +89,7 @@ STRANGE = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_no_field_takes_what_it_is_not(trained):
     """Everywhere values of every other type: refused by the name of the place, or of its whole."""
     saved, trainer = trained
@@ -100,6 +101,7 @@ def test_no_field_takes_what_it_is_not(trained):
             assert str(path[0]) in message, (path, strange)
 
 
+@pytest.mark.slow
 def test_no_tensor_takes_other_shapes_types_or_values(trained):
     saved, trainer = trained
     for path, value in places(saved):

@@ -77,6 +77,7 @@ def test_first_file_leaves_nothing(tmp_path, fill_disk, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_checkpoint_saved_before_stands_and_training_goes_on_from_it(
     tmp_path, tiny, fill_disk, monkeypatch
 ):
@@ -106,6 +107,7 @@ def limited(size, *words):
     return done.returncode, done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "file"),
     [(1000, "run"), (10_000, "checkpoint.pt")],
@@ -122,6 +124,7 @@ def test_real_limit_stops_a_new_run_with_one_line(tmp_path, tiny_settings, size,
     assert not list((tmp_path / "run").glob("*.part"))
 
 
+@pytest.mark.slow
 def test_real_limit_leaves_the_last_good_checkpoint(tmp_path, tiny_settings, iout):
     words = ["train", "best/k3-fdd", *tiny_settings]
     assert iout(*words, "--out", tmp_path / "run")[0] == 0

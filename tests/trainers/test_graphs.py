@@ -106,6 +106,7 @@ def assert_equal(first, second):
         assert torch.equal(a, b) if isinstance(a, torch.Tensor) else a == b
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("changes", "replicas"), CASES)
 def test_recorded_training_is_eager_training(tiny, emulated, changes, replicas):
     scenario = tiny(changes)
@@ -120,6 +121,7 @@ def test_recorded_training_is_eager_training(tiny, emulated, changes, replicas):
     assert [graph.replays for graph in emulated] == [4 * slots - 1, 3, *learns]
 
 
+@pytest.mark.slow
 def test_training_goes_on_from_a_state_whatever_was_recorded(scenario, emulated):
     eager = Trainer(scenario, 3, use_graphs=False)
     iterated(eager, 2)
@@ -135,6 +137,7 @@ def test_training_goes_on_from_a_state_whatever_was_recorded(scenario, emulated)
     assert iterated(eager, 1) == iterated(used, 1)
 
 
+@pytest.mark.slow
 def test_rollouts_of_other_lengths_do_not_disturb_what_is_recorded(tiny, emulated):
     trainers = [Trainer(tiny(), 3, use_graphs=use) for use in (False, True)]
     for trainer in trainers:
@@ -172,6 +175,7 @@ def test_world_on_numpy_is_not_recorded(tiny, monkeypatch):
 # What is not in a graph shows in its emulation.
 
 
+@pytest.mark.slow
 def test_a_number_of_python_stays_what_it_was_when_recorded(tiny, monkeypatch, emulated):
     step, calls = Adam.step, itertools.count(1)
     monkeypatch.setattr(Adam, "step", lambda adam, row, rate: step(adam, row, 1e-3 * next(calls)))
@@ -270,6 +274,7 @@ def test_a_first_call_that_was_interrupted_is_made_again():
     assert graphs_made[-1].replays == 2
 
 
+@pytest.mark.slow
 def test_a_state_that_was_loaded_lies_in_memory_as_a_fresh_one(tiny, emulated):
     trainer = Trainer(tiny(), 3)
     fresh = trainer.collector.state.map(lambda tensor: tensor.stride())
@@ -357,6 +362,7 @@ def work_elsewhere(scenario, replicas):
     assert len(figures) == 8
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("on_torch")
 @pytest.mark.parametrize(("changes", "replicas"), RECORDED)
 def test_nothing_recorded_reaches_for_the_memory_of_the_host(tiny, changes, replicas):

@@ -15,6 +15,8 @@ from safetensors.torch import load_file
 from iout_marl.scenario import to_yaml
 from trainers import RunFolder, started_group, train
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 VARIANTS = {
     "masks, tdd, random layouts, running normalisers": {

@@ -62,6 +62,7 @@ def learnt(tiny):
     return trainer, logs
 
 
+@pytest.mark.slow
 def test_learns_a_tiny_task(learnt):
     trainer, _ = learnt
     metrics = evaluate(trainer.scenario, trainer.policy(), 1).metrics
@@ -73,6 +74,7 @@ def test_learns_a_tiny_task(learnt):
     assert metrics["reward"].mean > chance["reward"].mean + 10
 
 
+@pytest.mark.slow
 def test_logs_show_the_learning(learnt):
     _, logs = learnt
     first, last = logs[0], logs[-1]
@@ -165,6 +167,7 @@ def test_every_sample_is_learnt_from_once_an_epoch(tiny):
     assert not torch.equal(epochs[0][0][0]["number"], epochs[1][0][0]["number"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
 def test_same_seed_trains_bit_for_bit_the_same(tiny, changes):
     scenario = tiny(changes)

@@ -25,6 +25,7 @@ HUGE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", HUGE.values(), ids=list(HUGE))
 def test_settings_that_need_too_much_memory(tiny, tmp_path, changes):
     scenario = with_training(tiny(), **changes)
@@ -51,6 +52,7 @@ class Broken(io.StringIO):
     flush = isatty = write
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_terminal", [False, True])
 def test_terminal_that_has_gone_costs_no_training(tiny, tmp_path, is_terminal):
     console = Console(file=Broken(), force_terminal=is_terminal)
@@ -58,6 +60,7 @@ def test_terminal_that_has_gone_costs_no_training(tiny, tmp_path, is_terminal):
     assert train(scenario, tmp_path, console=console, evaluation_episodes=1).finished
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("redirection", ["2>&-", "2>/dev/full", "2>&1 >/dev/null | true"])
 def test_standard_error_that_has_gone_costs_no_training(tmp_path, redirection):
     source = tmp_path / "scenario.yaml"

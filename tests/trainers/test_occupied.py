@@ -13,6 +13,8 @@ from iout_marl import InputError
 from iout_marl.scenario import to_yaml
 from trainers import RunFolder, Trainer, train
 
+pytestmark = pytest.mark.slow
+
 #: A training that waits in its first iteration until its standard input ends.
 WAITING = """
 import sys

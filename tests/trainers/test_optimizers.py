@@ -153,6 +153,7 @@ def test_hash_knows_another_optimizer_but_not_that_there_are_others(tiny):
     assert tiny().hash in hashes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("replicas", [1, 2])
 def test_trains_and_resumes_with_an_optimizer_of_torch(tiny, tmp_path, replicas):
     optimizer = {"kind": "torch", "name": "RMSprop", "options": {"alpha": 0.9}}

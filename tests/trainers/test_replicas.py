@@ -59,6 +59,7 @@ def assert_alike(first, second):
         torch.testing.assert_close(tensor, second[name], rtol=1e-4, atol=1e-5, msg=name)
 
 
+@pytest.mark.slow
 def test_each_is_what_it_would_be_alone(scenario):
     together = Trainer(scenario, seed=5, replicas=3)
     logs = [together.iterate_all() for _ in range(3)]
@@ -72,6 +73,7 @@ def test_each_is_what_it_would_be_alone(scenario):
     assert not torch.equal(*(together.weights(i)["actor.0.weight"] for i in (0, 1)))
 
 
+@pytest.mark.slow
 def test_each_goes_on_from_its_state_together_or_alone(scenario):
     together = Trainer(scenario, seed=5, replicas=2)
     together.iterate_all()
@@ -110,6 +112,7 @@ class TestRuns:
         nodes = {"kind": "random", "count": 2, "redraw": "run"}
         return tiny({"training.steps": 240, "nodes": nodes})
 
+    @pytest.mark.slow
     def test_folders(self, short, tmp_path):
         outcome = train(short, tmp_path, seed=7, replicas=2, evaluation_episodes=2)
         assert [run.path.name for run in outcome.runs] == ["seed-7", "seed-8"]
@@ -161,6 +164,7 @@ class TestRuns:
         shutil.copytree(tmp_path / "seed-1", tmp_path / "seed-1-copy")
         assert len(train(short, tmp_path, resume=True, evaluation_episodes=1).runs) == 2
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("first", "second"),
         [
@@ -184,6 +188,7 @@ class TestRuns:
         assert files() == before
         assert train(short, tmp_path, resume=True, evaluation_episodes=1).finished
 
+    @pytest.mark.slow
     def test_are_saved_together_or_not_at_all(self, short, tmp_path, monkeypatch):
         train(short, tmp_path, replicas=2, evaluation_episodes=1)
         longer = short.model_copy(
@@ -205,6 +210,7 @@ class TestRuns:
         outcome = train(longer, tmp_path, resume=True, evaluation_episodes=1)
         assert outcome.trainer.env_steps == 480
 
+    @pytest.mark.slow
     def test_many_are_told_of_by_their_spread(self, tmp_path):
         arguments = ["--steps", "200", "--replicas", "6", "--out", str(tmp_path)]
         arguments += ["--set", "training.environments=2", "--set", "training.rollout_slots=100"]

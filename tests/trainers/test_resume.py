@@ -139,6 +139,7 @@ def test_signals_have_their_usual_effect_where_they_are_not_to_be_caught(run, in
         run(tmp_path / "run", catch_signals=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
 def test_stopped_run_goes_on_bit_for_bit(tmp_path, run, interrupt, changes):
     run(tmp_path / "whole", changes)
@@ -153,6 +154,7 @@ def test_stopped_run_goes_on_bit_for_bit(tmp_path, run, interrupt, changes):
     assert_equal_runs(tmp_path / "whole", tmp_path / "stopped")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
 def test_crashed_run_goes_on_from_its_last_checkpoint(tmp_path, run, interrupt, changes):
     changes = dict(changes) | {"training.checkpoint_steps": 150}
@@ -175,6 +177,7 @@ def test_stopped_twice(tmp_path, run, interrupt):
     assert_equal_runs(tmp_path / "whole", tmp_path / "stopped")
 
 
+@pytest.mark.slow
 def test_tensorboard_shows_every_iteration_once(tmp_path, run, interrupt):
     interrupt(5, crash)
     with pytest.raises(CrashError):
@@ -187,6 +190,7 @@ def test_tensorboard_shows_every_iteration_once(tmp_path, run, interrupt):
     assert shown == [(line["env_steps"], line["aoi/mean"]) for line in lines(tmp_path / "run")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("garbage", [b'{"env_st', b"\xff\xfe", b"null\n", b'{"a": 1}\n'])
 def test_line_that_a_crash_cut_short_is_dropped(tmp_path, run, interrupt, garbage):
     run(tmp_path / "whole")
@@ -215,6 +219,7 @@ def test_second_signal_has_its_usual_effect(tmp_path, run, interrupt):
         run(tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_longer_training_may_be_asked_for(tmp_path, run):
     run(tmp_path / "run", {"training.learning_rate_schedule": "constant"})
     longer = {"training.learning_rate_schedule": "constant", "training.steps": 720}
@@ -233,6 +238,7 @@ def test_finished_run_is_evaluated_again(tmp_path, run):
     assert (again.evaluation.samples["reward"] == first.evaluation.samples["reward"]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
@@ -252,6 +258,7 @@ def test_run_of_another_scenario_is_not_resumed(tmp_path, run, changes, key):
     assert (tmp_path / "run" / "checkpoint.pt").read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", SIGNALS, ids=lambda number: number.name)
 def test_signal_to_the_process_saves_and_leaves_with_its_status(
     tmp_path, iout, tiny_settings, number
@@ -283,6 +290,7 @@ def test_signal_to_the_process_saves_and_leaves_with_its_status(
     assert (folder / "result.json").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 80, 479, 480])
 def test_fewer_steps_than_were_taken_are_refused(tmp_path, run, steps):
     run(tmp_path / "run")
@@ -292,6 +300,7 @@ def test_fewer_steps_than_were_taken_are_refused(tmp_path, run, steps):
     assert (tmp_path / "run" / "scenario.yaml").read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [481, 500, 559, 560])
 def test_steps_that_are_no_multiple_of_a_rollout(tmp_path, run, monkeypatch, steps):
     """A run that has taken all of them, killed before its result was written, and after."""
@@ -330,6 +339,7 @@ def test_signal_before_the_first_iteration(tmp_path, run, monkeypatch):
     assert_equal_runs(tmp_path / "whole", tmp_path / "stopped")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", SIGNALS, ids=lambda number: number.name)
 def test_signal_during_the_final_evaluation(tmp_path, run, monkeypatch, number):
     def stop(*_, **__):

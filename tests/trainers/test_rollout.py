@@ -115,6 +115,7 @@ def value(network, observation, for_critic):
     return network.value(torch.cat([inputs, network.privileged(for_critic)], dim=-1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slots", [[20, 20], [7, 7, 7, 7], [50], [1] * 25])
 def test_equals_a_replay(setup, slots):
     collector, network = setup

@@ -123,6 +123,7 @@ class TestOneMoment:
 
 
 class TestDamage:
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", [*saving.NAMES, "run.json"])
     @pytest.mark.parametrize("place", [0.0, 0.3, 0.5, 0.99])
     def test_flipped_bit_is_seen(self, lone, tiny, name, place):
@@ -141,6 +142,7 @@ class TestDamage:
             assert ": cannot be read: damaged, " in str(raised.value)
         assert contents(lone) == before
 
+    @pytest.mark.slow
     def test_of_what_says_which_policies_belong_together(self, group, tiny):
         path = group / "group.json"
         path.write_bytes(path.read_bytes().replace(b'"format"', b'"fornat"'))
@@ -175,6 +177,7 @@ class TestDamage:
         with pytest.raises(InputError, match=r"run\.json: cannot be read: damaged"):
             RunFolder(lone).load_policy()
 
+    @pytest.mark.slow
     def test_names_do_not_lead_out_of_the_folder(self, lone, tmp_path):
         (tmp_path / "secret").write_text("x")
         data = json.loads((lone / "run.json").read_text())
@@ -195,6 +198,7 @@ class TestDamage:
         results = [json.loads((f / "result.json").read_text()) for f in (lone, finished / "lone")]
         assert results[0]["evaluation"]["metrics"] == results[1]["evaluation"]["metrics"]
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["policy.safetensors", "policy.json"])
     @pytest.mark.parametrize("has_manifest", [True, False])
     def test_policy_that_is_gone_is_written_anew(self, lone, finished, tiny, name, has_manifest):
@@ -324,6 +328,7 @@ class TestEarlierVersions:
             assert found == pytest.approx(expected["metrics"]["mean_aoi"]["mean"])
         assert contents(kept) == before
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["stopped", "replicas", "replicas/seed-4"])
     def test_training_goes_on(self, kept, tiny, name):
         outcome = quietly(tiny(), kept / name, resume=True)

@@ -15,6 +15,7 @@ from iout_marl.study.worker import run_cell
 from trainers import train, training_run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ages", "is_noted"),
     [([9.0] * 4, True), ([0.5] * 4, True), ([2.1] * 4, False), ([1.0, 9.0, 1.0, 9.0], False)],

@@ -25,6 +25,7 @@ def several(name, access, auvs=3, **changes):
     )
 
 
+@pytest.mark.slow
 @laws
 @given(st.sampled_from(NAMES), st.sampled_from(ACCESS), st.integers(0, 10**6))
 def test_one_auv_has_the_band_to_itself(name, access, seed):
@@ -49,6 +50,7 @@ def uplinks(state, events):
     ]
 
 
+@pytest.mark.slow
 @laws
 @given(
     st.sampled_from(NAMES),
@@ -93,6 +95,7 @@ def sinr(world, before, state, events, env):
     return np.diag(received) / noise / (2**need - 1)
 
 
+@pytest.mark.slow
 @laws
 @given(st.booleans(), st.integers(0, 10**6))
 def test_under_interference_every_packet_gets_the_snr_it_needs_and_no_more(loud, seed):
@@ -104,6 +107,7 @@ def test_under_interference_every_packet_gets_the_snr_it_needs_and_no_more(loud,
             np.testing.assert_allclose(ratio, 1, rtol=1e-6)
 
 
+@pytest.mark.slow
 @laws
 @given(st.sampled_from(ACCESS), st.integers(0, 10**6))
 def test_no_node_spends_more_than_it_has(access, seed):
@@ -116,6 +120,7 @@ def test_no_node_spends_more_than_it_has(access, seed):
         assert (spent <= events.available_j * (1 + 1e-9)).all()
 
 
+@pytest.mark.slow
 @laws
 @given(st.integers(0, 10**6))
 def test_exclusive_lets_one_uplink_through_and_collisions_cost_their_energy(seed):

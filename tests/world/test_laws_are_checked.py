@@ -13,6 +13,8 @@ from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
 from iout_marl.world.world import World
 
+pytestmark = pytest.mark.slow
+
 MASK, REWARD = ActionMask.__call__, World.reward
 SPLIT, WHOLE = StoredRule.split, FrequencyDivision.split
 

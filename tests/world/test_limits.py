@@ -100,6 +100,7 @@ def load(name, settings):
     return load_scenario(name, settings | {"allow_implausible": meant})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("duplex", "settings"), HELD.values(), ids=HELD)
 @pytest.mark.parametrize(
     ("kind", "dtype"), [("paper", "float64"), ("scaled", "float64"), ("scaled", "float32")]

@@ -265,6 +265,13 @@ CASES = {
 }
 
 
+#: The published scenarios are compared in `make quick`, too.
+NAMES = [
+    pytest.param(name, marks=() if name.startswith("paper/") else pytest.mark.slow, id=name)
+    for name in CASES
+]
+
+
 @functools.cache
 def expected(name):
     """One play for the tests of all libraries."""
@@ -307,7 +314,7 @@ def assert_same_slot(world, state, events, slot, where):
 
 
 @pytest.mark.parametrize("library", [np, torch], ids=["numpy", "torch"])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", NAMES)
 def test_world_agrees_with_the_oracle_in_every_slot(name, library):
     scenario, episodes, _ = expected(name)
     world = World(scenario, num_envs=ENVS, library=library, dtype="float64")
@@ -320,7 +327,7 @@ def test_world_agrees_with_the_oracle_in_every_slot(name, library):
             assert_same_slot(world, state, events, slot, f"episode {number}, slot {i}")
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", NAMES)
 def test_episodes_exercise_what_they_are_meant_to(name):
     _, _, seen = expected(name)
     assert not [what for what in CASES[name].happens if not seen[what]]

@@ -64,6 +64,7 @@ def assert_alike(scenario, slots=40, seed=0):
             np.testing.assert_array_equal(found, array)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.sampled_from(NAMES), st.integers(1, 4), PARTS, PAPERS_REWARD, st.integers(0, 10**6))
 def test_unrolled_slot_is_that_of_the_world(name, auvs, parts, rewards, seed):

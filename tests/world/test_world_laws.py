@@ -44,6 +44,7 @@ scenarios = st.builds(
 laws = settings(max_examples=25, deadline=None)
 
 
+@pytest.mark.slow
 @laws
 @given(scenarios, st.integers(0, 10**6))
 def test_energy_is_conserved_to_the_joule(scenario, seed):
@@ -54,6 +55,7 @@ def test_energy_is_conserved_to_the_joule(scenario, seed):
         assert (state.energy_j >= 0).all()
 
 
+@pytest.mark.slow
 @laws
 @given(scenarios, st.integers(0, 10**6))
 def test_ages_rise_by_one_or_fall_to_one(scenario, seed):
@@ -75,6 +77,7 @@ def test_no_node_delivers_twice_in_a_slot(scenario, seed):
         assert (more.sum(axis=1) == events.delivered.sum(axis=1)).all()
 
 
+@pytest.mark.slow
 @laws
 @given(scenarios, st.integers(0, 10**6))
 def test_fairness_lies_between_one_node_and_all(scenario, seed):
@@ -86,6 +89,7 @@ def test_fairness_lies_between_one_node_and_all(scenario, seed):
         assert (state.jain <= 1 + 1e-12).all()
 
 
+@pytest.mark.slow
 @laws
 @given(st.sampled_from(NAMES), st.integers(0, 10**6), st.permutations(range(5)))
 def test_renumbering_the_nodes_renumbers_the_results(name, seed, order):
@@ -102,6 +106,7 @@ def test_renumbering_the_nodes_renumbers_the_results(name, seed, order):
         np.testing.assert_allclose(state.mean_age, other.mean_age, rtol=1e-12)
 
 
+@pytest.mark.slow
 @laws
 @given(scenarios, st.integers(0, 10**6))
 def test_a_batch_is_its_environments_one_by_one(scenario, seed):

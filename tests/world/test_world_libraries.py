@@ -12,6 +12,8 @@ import torch
 from iout_marl.scenario import load_scenario
 from iout_marl.world import World, node_codes
 
+pytestmark = pytest.mark.slow
+
 WORLDS = {
     "fdd": ("paper/k3-fdd", {}),
     "tdd": ("paper/k3-tdd", {}),
