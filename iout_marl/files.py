@@ -76,15 +76,32 @@ def refuse_input(path: Path) -> None:
             raise InputError(f"{path}: cannot be written: it is read by the same command")
 
 
+def _size_if_there(path: Path) -> int | None:
+    """How many bytes a file has; None where there is no such file.
+
+    Raises:
+        InputError: it cannot be looked at, or is a folder, a pipe or a device.
+    """
+    try:
+        found = path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {reason(error)}") from None
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError(f"{path}: cannot be read: it is no regular file")
+    return found.st_size
+
+
 def read_if_there(path: Path) -> bytes | None:
     """What a file holds; None where there is no such file. Never waits, as a pipe would let it.
 
     Raises:
         InputError: it cannot be read, or is a folder, a pipe or a device.
     """
+    if _size_if_there(path) is None:
+        return None
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise InputError(f"{path}: cannot be read: it is no regular file")
         note_input(path)
         return path.read_bytes()
     except (FileNotFoundError, NotADirectoryError):
@@ -201,8 +218,8 @@ def locked(folder: Path, refusal: str, patience_s: float = 0.0) -> Iterator[None
         InputError: another process has it, the lock cannot be written, or is none of ours.
     """
     path = folder / LOCK_NAME
-    # Ours are empty. Whoever takes it empties it.
-    if read_if_there(path):
+    # Ours are empty. Whoever takes it empties it. Of one that is held Windows lets nothing be read.
+    if _size_if_there(path):
         raise InputError(f"{path}: is of another program: it is not empty")
     lock = FileLock(path, timeout=patience_s)
     try:

@@ -25,11 +25,31 @@ def pytest_configure():
     os.environ["PYTHONPATH"] = os.pathsep.join(dict.fromkeys([STUBS, *paths]))
 
 
+#: What is about shells, pseudo-terminals, forks and signals between processes from its first line.
+OF_POSIX = [
+    "cli/test_cli_streams.py",
+    "study/test_killed.py",
+    "test_campaigns.py",
+    "trainers/test_group.py",
+]
+collect_ignore = OF_POSIX if os.name == "nt" else []
+#: Where tests of a marker can run.
+SYSTEMS = {"posix": os.name == "posix", "linux": sys.platform == "linux"}
+
+
+def pytest_report_header():
+    """Name the files that are left out on this system."""
+    return [f"left out, for Windows has no such signals and processes: {f}" for f in collect_ignore]
+
+
 def pytest_collection_modifyitems(items):
-    """Mark what opens a browser."""
+    """Mark what opens a browser, and skip what this system lacks the means for."""
     for item in items:
         if "browser" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.browser)
+        for name, is_here in SYSTEMS.items():
+            if not is_here and item.get_closest_marker(name):
+                item.add_marker(pytest.mark.skip(reason=f"needs what only {name} systems have"))
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -152,6 +152,7 @@ def test_every_option_that_is_a_path_is_read_in_the_one_way():
     assert len([name for _, name in read if name in names]) > 10
 
 
+@pytest.mark.posix
 def test_json_may_go_into_a_device_and_through_a_link(iout, tmp_path):
     assert iout(*EVALUATE, "--episodes", 2, "--json", "/dev/null")[0] == 0
     (tmp_path / "link.json").symlink_to("real.json")

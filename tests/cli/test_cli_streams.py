@@ -16,6 +16,7 @@ pytestmark = pytest.mark.slow
 
 IOUT = [sys.executable, "-m", "iout_marl"]
 EVALUATE = ["evaluate", "paper/k3-fdd", "--policy", "greedy", "--episodes", "2"]
+FULL = pytest.param("2>/dev/full", marks=pytest.mark.linux, id="2>/dev/full")
 ALL = [["scenarios"], ["show", "paper/k3-fdd"], ["--help"], ["--version"], EVALUATE]
 
 
@@ -72,6 +73,7 @@ def test_closed_streams_cost_no_result(tmp_path, streams):
 
 
 @pytest.mark.parametrize("words", ALL, ids=lambda words: words[0])
+@pytest.mark.linux
 def test_a_full_disk_is_said_in_one_line(words):
     status, _, err = shell(f"$IOUT {' '.join(words)} > /dev/full")
     assert status == 2
@@ -79,6 +81,7 @@ def test_a_full_disk_is_said_in_one_line(words):
     assert err.count("\n") == 1
 
 
+@pytest.mark.linux
 def test_a_full_disk_costs_no_result(tmp_path):
     assert shell(f"$IOUT {' '.join(EVALUATE)} --json x.json > /dev/full")[0] == 2
     assert json.loads((tmp_path / "x.json").read_text())["episodes"] == 2
@@ -90,7 +93,7 @@ def test_a_reader_that_has_gone_is_no_error(words):
     assert (status, err) == (141, "")
 
 
-@pytest.mark.parametrize("stream", ["2>&-", "2>/dev/full", "2>&1 | true"])
+@pytest.mark.parametrize("stream", ["2>&-", FULL, "2>&1 | true"])
 def test_an_error_that_nobody_hears_is_one(stream):
     assert shell(f"$IOUT show nothing {stream}")[0] == 2
 

@@ -237,7 +237,9 @@ def test_streams_that_are_closed_cost_no_result(iout, finished, folder, monkeypa
     assert len(json.loads((folder / "results.json").read_text())["cells"]) == 6
 
 
-@pytest.mark.parametrize("name", ["SIGHUP", "SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("SIGHUP", marks=pytest.mark.posix), "SIGINT", "SIGTERM"]
+)
 def test_a_signal_that_comes_as_the_report_is_written_loses_nothing(
     iout, finished, folder, monkeypatch, name
 ):
@@ -257,6 +259,7 @@ def test_a_signal_that_comes_as_the_report_is_written_loses_nothing(
     assert [signal.getsignal(getattr(signal, name))] == before
 
 
+@pytest.mark.posix
 def test_a_hangup_that_is_ignored_stays_so(iout, finished, folder, monkeypatch):
     def hung_up(results):
         signal.raise_signal(signal.SIGHUP)

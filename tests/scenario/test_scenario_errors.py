@@ -337,6 +337,7 @@ def test_folder_of_a_run_names_the_scenario_in_it(tmp_path):
     assert message("run") == expected
 
 
+@pytest.mark.posix
 def test_pipe_is_no_scenario(tmp_path):
     os.mkfifo(tmp_path / "pipe.yaml")
     expected = "no scenario 'pipe': it is a pipe or a device, not a file"

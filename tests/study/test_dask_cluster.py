@@ -56,6 +56,7 @@ def trained_cells(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.posix
 def test_a_study_survives_the_loss_of_a_worker(cluster, start, tmp_path):
     running = start("--scheduler", cluster.address)
     wait_for(lambda: trained_cells(tmp_path) or running.poll() is not None)
@@ -72,6 +73,7 @@ def test_a_study_survives_the_loss_of_a_worker(cluster, start, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.posix
 def test_a_study_that_loses_its_scheduler_says_how_to_go_on_and_does(cluster, start, tmp_path):
     running = start("--scheduler", cluster.address)
     wait_for(lambda: trained_cells(tmp_path) or running.poll() is not None)
@@ -93,6 +95,7 @@ def test_a_study_that_loses_its_scheduler_says_how_to_go_on_and_does(cluster, st
 
 
 @pytest.mark.slow
+@pytest.mark.posix
 def test_a_study_on_a_cluster_is_stopped_like_any_other(cluster, start, tmp_path):
     running = start("--scheduler", cluster.address)
     wait_for(lambda: trained_cells(tmp_path) or running.poll() is not None)

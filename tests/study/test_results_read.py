@@ -99,6 +99,7 @@ def test_a_file_that_is_none_is_told_in_one_line(tmp_path, text, message):
     assert message in told(path)
 
 
+@pytest.mark.posix
 def test_a_folder_or_a_closed_file_in_its_place_is_told(tmp_path):
     path = tmp_path / "results.json"
     path.mkdir()

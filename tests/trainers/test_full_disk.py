@@ -113,6 +113,7 @@ def limited(size, *words):
     [(1000, "run"), (10_000, "checkpoint.pt")],
     ids=["logs", "checkpoint"],
 )
+@pytest.mark.posix
 def test_real_limit_stops_a_new_run_with_one_line(tmp_path, tiny_settings, size, file):
     words = ["train", "best/k3-fdd", *tiny_settings, "--out", tmp_path / "run"]
     status, err = limited(size, *words)
@@ -125,6 +126,7 @@ def test_real_limit_stops_a_new_run_with_one_line(tmp_path, tiny_settings, size,
 
 
 @pytest.mark.slow
+@pytest.mark.posix
 def test_real_limit_leaves_the_last_good_checkpoint(tmp_path, tiny_settings, iout):
     words = ["train", "best/k3-fdd", *tiny_settings]
     assert iout(*words, "--out", tmp_path / "run")[0] == 0

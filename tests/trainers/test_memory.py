@@ -17,6 +17,7 @@ from iout_marl.scenario import to_yaml
 from trainers import RunFolder, Trainer, started_group, train
 from trainers.memory import enough_memory
 
+FULL = pytest.param("2>/dev/full", marks=pytest.mark.linux, id="2>/dev/full")
 #: Settings that a scenario's file must not have, but that stand for too little memory anywhere.
 HUGE = {
     "networks": {"hidden_units": (10**6, 10**6)},
@@ -61,7 +62,8 @@ def test_terminal_that_has_gone_costs_no_training(tiny, tmp_path, is_terminal):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("redirection", ["2>&-", "2>/dev/full", "2>&1 >/dev/null | true"])
+@pytest.mark.parametrize("redirection", ["2>&-", FULL, "2>&1 >/dev/null | true"])
+@pytest.mark.posix
 def test_standard_error_that_has_gone_costs_no_training(tmp_path, redirection):
     source = tmp_path / "scenario.yaml"
     source.write_text(to_yaml(load_scenario(load_scenario("best/k3-fdd", TINY))))

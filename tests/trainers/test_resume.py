@@ -21,7 +21,7 @@ from trainers import DivergedError, RunFolder, Trainer, train, training_run
 from trainers.runs import saving
 
 RANDOM_NODES = {"kind": "random", "count": 2}
-SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
+SIGNALS = [getattr(signal, n) for n in ("SIGHUP", "SIGINT", "SIGTERM") if hasattr(signal, n)]
 VARIANTS = {
     "whole episodes": {},
     "mid-episode": {"training.rollout_slots": 13, "training.steps": 364},
@@ -260,6 +260,7 @@ def test_run_of_another_scenario_is_not_resumed(tmp_path, run, changes, key):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", SIGNALS, ids=lambda number: number.name)
+@pytest.mark.posix
 def test_signal_to_the_process_saves_and_leaves_with_its_status(
     tmp_path, iout, tiny_settings, number
 ):
@@ -356,6 +357,7 @@ def test_signal_during_the_final_evaluation(tmp_path, run, monkeypatch, number):
     assert_equal_runs(tmp_path / "whole", tmp_path / "stopped")
 
 
+@pytest.mark.posix
 def test_hangup_that_is_ignored_stays_so(tmp_path, run, interrupt):
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
@@ -375,6 +377,7 @@ def test_in_another_thread_signals_have_their_usual_effect(tmp_path, run):
     assert outcomes[0].finished
 
 
+@pytest.mark.posix
 def test_command_line_is_done_only_where_the_training_is(tmp_path, iout, tiny_settings, interrupt):
     words = ["train", "best/k3-fdd", *tiny_settings]
     interrupt(2, lambda: signal.raise_signal(signal.SIGHUP))

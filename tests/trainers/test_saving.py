@@ -21,6 +21,9 @@ from trainers.runs.loading import load_run
 #: Run folders as version 0.1 wrote them, without a manifest.
 FORMAT_2 = Path(__file__).parent / "format-2"
 
+#: A pipe with a name, which not every system has.
+PIPE = pytest.param(getattr(os, "mkfifo", None), marks=pytest.mark.posix)
+
 
 def quietly(scenario, folder, **options):
     quiet = {"console": Console(file=io.StringIO()), "evaluation_episodes": 3}
@@ -218,7 +221,7 @@ class TestDamage:
             assert (group / path).read_bytes() == (finished / "group" / path).read_bytes()
 
     @pytest.mark.parametrize("name", [*saving.NAMES, "run.json", "metrics.jsonl"])
-    @pytest.mark.parametrize("make", [os.mkfifo, os.mkdir], ids=["pipe", "folder"])
+    @pytest.mark.parametrize("make", [PIPE, os.mkdir], ids=["pipe", "folder"])
     def test_no_regular_file(self, lone, tiny, name, make):
         (lone / name).unlink()
         make(lone / name)
