@@ -17,6 +17,9 @@ DEMO := runs/demo
 
 .PHONY: demo reproduce docs site images quick test lint types pytest coverage campaigns format bench integrations clean
 
+# Tests of a file, and so the fixtures that they share, stay together as long as both are busy.
+SPREAD := -n auto --dist worksteal
+
 # Each stamp stands for an installation that need not be repeated.
 RUNTIME := $(VENV)/.runtime-installed
 TEST := $(VENV)/.test-installed
@@ -85,7 +88,7 @@ images: $(TEST)
 	$(BIN)/python docs/images/model.py
 
 quick: $(TEST)
-	$(BIN)/pytest -n auto -m "not slow and not browser and not campaign"
+	$(BIN)/pytest $(SPREAD) -m "not slow and not browser and not campaign"
 
 test: lint types pytest
 
@@ -97,10 +100,10 @@ types: $(TEST)
 	$(BIN)/mypy
 
 pytest: $(TEST)
-	$(BIN)/pytest -n auto
+	$(BIN)/pytest $(SPREAD)
 
 coverage: $(TEST)
-	$(BIN)/pytest -n auto --cov --cov-report=term
+	$(BIN)/pytest $(SPREAD) --cov --cov-report=term
 
 campaigns: $(TEST)
 	PYTHONPATH=tests $(BIN)/python -m campaigns

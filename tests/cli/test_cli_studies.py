@@ -14,6 +14,8 @@ from tiny_study import STUDY, write_study
 
 from iout_marl import InputError
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def _working_folder(tmp_path, monkeypatch):
@@ -43,7 +45,6 @@ def files(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.slow
 def test_reproduce_leaves_report_results_figures_and_runs(finished):
     out = finished / "out"
     names = {path.name for path in out.iterdir()}
@@ -58,7 +59,6 @@ def test_reproduce_leaves_report_results_figures_and_runs(finished):
     assert len(list((out / "runs").iterdir())) == 4
 
 
-@pytest.mark.slow
 def test_a_finished_study_is_only_written_once_more(iout, finished, folder):
     before = (folder / "results.json").read_bytes()
     status, out, err = iout(
@@ -71,7 +71,6 @@ def test_a_finished_study_is_only_written_once_more(iout, finished, folder):
     assert data["cells"] == again["cells"]
 
 
-@pytest.mark.slow
 def test_report_writes_the_same_report_from_the_results_alone(iout, folder, tmp_path):
     (tmp_path / "bare").mkdir()
     shutil.copy(folder / "results.json", tmp_path / "bare")
@@ -82,7 +81,6 @@ def test_report_writes_the_same_report_from_the_results_alone(iout, folder, tmp_
         assert (tmp_path / "bare" / name).read_bytes() == (folder / name).read_bytes()
 
 
-@pytest.mark.slow
 def test_markdown_elsewhere_still_finds_the_figures(iout, folder, tmp_path):
     (tmp_path / "docs").mkdir()
     status, _, _ = iout("report", folder, "--markdown", tmp_path / "docs" / "page.md")
@@ -90,7 +88,6 @@ def test_markdown_elsewhere_still_finds_the_figures(iout, folder, tmp_path):
     assert "](../out/figures/mean_aoi.png)" in (tmp_path / "docs" / "page.md").read_text()
 
 
-@pytest.mark.slow
 def test_a_failed_cell_is_named_and_the_status_is_1(iout, tmp_path):
     groups = {
         "fails": {
@@ -127,7 +124,6 @@ def test_empty_grid_is_refused(refused, tmp_path):
     assert "grid.nodes.count: is empty" in refused("reproduce", "--study", path, "--out", "out")
 
 
-@pytest.mark.slow
 def test_folder_that_cannot_be_written_is_refused(refused, finished, tmp_path):
     (tmp_path / "file").write_text("")
     line = refused("reproduce", "--study", finished / "tiny.yaml", "--out", tmp_path / "file" / "x")
@@ -160,7 +156,6 @@ def test_folder_without_results_is_refused(refused, tmp_path):
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -202,7 +197,6 @@ def test_what_cannot_be_meant_is_told_in_one_line(refused, folder, tmp_path, wor
     assert after - {tmp_path / "out" / "report.html"} <= before
 
 
-@pytest.mark.slow
 def test_a_report_that_cannot_be_written_costs_no_result(iout, finished, folder):
     shutil.rmtree(folder / "figures")
     (folder / "figures").write_text("in the way")
@@ -215,7 +209,6 @@ def test_a_report_that_cannot_be_written_costs_no_result(iout, finished, folder)
     assert len(json.loads((folder / "results.json").read_text())["cells"]) == 6
 
 
-@pytest.mark.slow
 def test_streams_that_nobody_reads_cost_no_result(tmp_path):
     study = write_study(tmp_path / "s.yaml", groups={"baseline": STUDY["groups"]["baseline"]})
     read, write = os.pipe()
@@ -228,7 +221,6 @@ def test_streams_that_nobody_reads_cost_no_result(tmp_path):
     assert Path("out/report.html").exists()
 
 
-@pytest.mark.slow
 def test_streams_that_are_closed_cost_no_result(iout, finished, folder, monkeypatch):
     (folder / "results.json").unlink()
     monkeypatch.setattr(sys, "stdout", None)

@@ -10,6 +10,8 @@ import pytest
 
 from iout_marl.study import emissions
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module", autouse=True)
 def _real_codecarbon():
@@ -39,7 +41,6 @@ def work():
     return "done"
 
 
-@pytest.mark.slow
 def test_energy_is_measured_and_carbon_follows_from_it():
     result, found = emissions.measured(work, 571.0)
     assert result == "done"
@@ -48,7 +49,6 @@ def test_energy_is_measured_and_carbon_follows_from_it():
     assert found.codecarbon == version("codecarbon")
 
 
-@pytest.mark.slow
 def test_every_measurement_counts_only_its_own():
     first = emissions.measured(work, 571.0)[1]
     idle = emissions.measured(lambda: None, 571.0)[1]
