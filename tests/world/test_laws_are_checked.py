@@ -73,8 +73,13 @@ BROKEN = {
 def test_a_broken_law_is_found(monkeypatch, replaced, law):
     monkeypatch.setattr(*replaced)
     unrolled_slot.cache_clear()
+    faults, is_said = [], False
     # Not every draw has a scenario in which the law counts.
-    faults = [fault for seed in (4, 2) for fault in run(np.random.default_rng(seed), 6000).faults]
+    for seed in range(12):
+        faults += run(np.random.default_rng(seed), 1000).faults
+        said = [fault.split("LawBrokenError: ")[-1] for fault in faults if "LawBroken" in fault]
+        is_said = any(each.startswith(tuple(law.split("|"))) for each in said)
+        if is_said:
+            break
     unrolled_slot.cache_clear()
-    said = [fault.split("LawBrokenError: ")[-1] for fault in faults if "LawBroken" in fault]
-    assert any(each.startswith(tuple(law.split("|"))) for each in said), faults[:3]
+    assert is_said, faults[:3]
