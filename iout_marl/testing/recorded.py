@@ -131,9 +131,11 @@ def compare(found: Any, expected: Any, rounding: float, message: str) -> None:
         return
     assert found.shape == expected.shape, f"{message}has shape {found.shape}, not {expected.shape}"
     assert found.dtype == expected.dtype, f"{message}is {found.dtype}, not {expected.dtype}"
-    exact = rounding == 0 or expected.dtype.kind != "f"
-    if exact:
-        same = (found == expected) | ((found != found) & (expected != expected))
+    same = found == expected
+    if same.all():
+        return
+    if rounding == 0 or expected.dtype.kind != "f":
+        same |= (found != found) & (expected != expected)
     else:
         same = np.isclose(found, expected, rtol=rounding, atol=rounding, equal_nan=True)
     if not same.all():
