@@ -138,6 +138,7 @@ FORMS = {
 
 @pytest.mark.parametrize(("name", "argument"), ARGUMENTS)
 @pytest.mark.parametrize("form", FORMS)
+@pytest.mark.slow
 def test_an_argument_in_any_form_is_its_numbers_one_by_one(name, argument, form):
     function, others = getattr(physics, name), good(name)
     values = VALUES[argument][0]
@@ -163,6 +164,7 @@ def test_lists_tuples_numbers_and_arrays_mix(name):
 
 @pytest.mark.parametrize(("name", "argument", "value"), BAD)
 @pytest.mark.parametrize("form", [lambda value: value, lambda value: [value], np.asarray])
+@pytest.mark.slow
 def test_what_lies_outside_a_domain_is_refused_by_name_and_value(name, argument, value, form):
     with pytest.raises(InputError) as refused:
         getattr(physics, name)(**good(name) | {argument: form(value)})
