@@ -1,6 +1,7 @@
 """Bundled scenarios are published: their hashes, texts, episodes and metrics do not change."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -11,13 +12,18 @@ from iout_marl import bundled_names
 RECORDING = json.loads(RECORDED.read_text(encoding="utf-8"))
 #: Digests of floating-point numbers: the same on the same kind of machine alone.
 IS_SAME_MACHINE = RECORDING["machine"] == machine()
+#: Those of the paper and the smallest are compared in `make quick`, too.
+NAMES = [
+    pytest.param(name, marks=() if re.match("paper/|.*k3", name) else pytest.mark.slow, id=name)
+    for name in sorted(RECORDING["scenarios"])
+]
 
 
 def test_every_bundled_scenario_is_recorded():
     assert sorted(RECORDING["scenarios"]) == sorted(bundled_names())
 
 
-@pytest.mark.parametrize("name", sorted(RECORDING["scenarios"]))
+@pytest.mark.parametrize("name", NAMES)
 def test_scenario_is_as_recorded(name):
     recorded, found = RECORDING["scenarios"][name], record_scenario(name)
     for what in ("hash", "world_hash", "yaml"):

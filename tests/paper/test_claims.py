@@ -26,6 +26,8 @@ from iout_marl.report.measures import (
 from iout_marl.report.page import render_page
 from iout_marl.study.results import Measured
 
+pytestmark = pytest.mark.slow
+
 
 def answer(results, claim):
     return next(a for a in answers(results).answers if a.claim == claim)
@@ -151,7 +153,6 @@ def only(series, **changes):
     return change
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("claim", "series", "changes", "expected"),
     [
@@ -288,7 +289,6 @@ def test_cost_compares_time_energy_and_carbon():
     assert len(found.measured) == 2
 
 
-@pytest.mark.slow
 def test_a_wrong_digit_in_the_table_of_energies_is_found(monkeypatch):
     rows = link_figures.printed_energies()
     rows[2].true_j[0.5] = "132.6748"
@@ -301,7 +301,6 @@ def test_a_wrong_digit_in_the_table_of_energies_is_found(monkeypatch):
     assert table.rows[5][3] == "132.6747"
 
 
-@pytest.mark.slow
 def test_verdicts_on_the_link_rest_on_the_physics(monkeypatch):
     def slower(self, distance_m, beta):
         return (1 - beta) * np.ones_like(np.asarray(distance_m))
