@@ -3,10 +3,9 @@
 import errno
 import io
 import os
-import subprocess
-import sys
 from pathlib import Path
 
+import forked
 import pytest
 from rich.console import Console
 
@@ -17,11 +16,9 @@ from trainers.runs import saving
 
 #: As on a disk with so many bytes left for each file: writes fail, no signal comes.
 LIMITED = """
-import resource, signal, sys
+import resource, signal
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
-from iout_marl.cli import main
-main(sys.argv[2:])
+resource.setrlimit(resource.RLIMIT_FSIZE, ({size},) * 2)
 """
 
 
@@ -102,8 +99,7 @@ def test_checkpoint_saved_before_stands_and_training_goes_on_from_it(
 
 
 def limited(size, *words):
-    command = [sys.executable, "-c", LIMITED, str(size), *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = forked.run(*words, before=LIMITED.format(size=size))
     return done.returncode, done.stderr
 
 

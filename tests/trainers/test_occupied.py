@@ -1,24 +1,22 @@
 """Two trainings in one folder: one trains, the other one says why it does not."""
 
 import io
-import subprocess
-import sys
-import textwrap
 
 import pytest
+from forked import Iout
 from rich.console import Console
 from tiny_study import wait_for
 
 from iout_marl import InputError
 from iout_marl.scenario import to_yaml
 from trainers import RunFolder, Trainer, train
+from trainers.runs import occupied
 
 pytestmark = pytest.mark.slow
 
 #: A training that waits in its first iteration until its standard input ends.
 WAITING = """
 import sys
-from iout_marl.cli import main
 from trainers import Trainer
 iterate = Trainer.iterate_all
 
@@ -29,13 +27,18 @@ def wait_and_iterate(trainer):
     return iterate(trainer)
 
 Trainer.iterate_all = wait_and_iterate
-main(sys.argv[1:])
 """
 
 
 def quietly(scenario, folder, **options):
     quiet = {"console": Console(file=io.StringIO()), "evaluation_episodes": 1}
     return train(scenario, folder, **quiet, **options)
+
+
+@pytest.fixture(autouse=True)
+def _no_patience(monkeypatch):
+    """Who really trains in a folder does so for longer than any glance."""
+    monkeypatch.setattr(occupied, "GLANCE_S", 0.1)
 
 
 @pytest.fixture
@@ -46,15 +49,8 @@ def other(tiny, tmp_path):
     source.write_text(to_yaml(tiny()), encoding="utf-8")
 
     def start(*words):
-        process = subprocess.Popen(
-            [sys.executable, "-c", textwrap.dedent(WAITING), "train", source, *map(str, words)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        processes.append(process)
-        return process
+        processes.append(Iout(["train", source, *words], before=WAITING))
+        return processes[-1]
 
     yield start
     for process in processes:

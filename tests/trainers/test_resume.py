@@ -4,14 +4,13 @@ import io
 import json
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 
 import pytest
 import safetensors.torch
 import torch
+from forked import Iout
 from rich.console import Console
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -267,12 +266,7 @@ def test_signal_to_the_process_saves_and_leaves_with_its_status(
     folder = tmp_path / "run"
     words = ["train", "best/k3-fdd", *tiny_settings]
     endless = ["--steps", str(10**9), "--out", str(folder)]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "iout_marl", *words, *endless],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = Iout([*words, *endless])
     deadline = time.monotonic() + 60
     while not (folder / "metrics.jsonl").is_file() or not (folder / "metrics.jsonl").stat().st_size:
         assert time.monotonic() < deadline
