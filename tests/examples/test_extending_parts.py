@@ -1,6 +1,6 @@
-"""The examples of parts of one's own, run as users run them: files outside of the package."""
+"""The examples of parts of one's own, run as users run them: programs outside of the package."""
 
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -12,15 +12,17 @@ EXTENDING = Path(__file__).parents[2] / "examples" / "extending"
 
 
 @pytest.fixture
-def table(tmp_path):
+def table(tmp_path, monkeypatch, forgotten_parts, capsys):
     """Runs an example; the numbers of each line that it prints, by what the line begins with."""
 
     def run(name, *options):
-        words = [sys.executable, EXTENDING / f"{name}.py", *options]
-        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-        assert done.stderr == ""
-        lines = done.stdout.splitlines()[1:]
+        path = str(EXTENDING / f"{name}.py")
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", [path, *options])
+        runpy.run_path(path, run_name="__main__")
+        out, err = capsys.readouterr()
+        assert err == ""
+        lines = out.splitlines()[1:]
         split = [[word.strip() for word in line.split("  ") if word] for line in lines]
         return {name: [float(number) for number in numbers] for name, *numbers in split}
 

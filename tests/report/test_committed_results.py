@@ -1,5 +1,6 @@
 """The committed results, and the pages that are made of them."""
 
+import functools
 import re
 from pathlib import Path
 
@@ -27,10 +28,16 @@ COMMITTED = {
 }
 
 
+@functools.cache
+def committed(name):
+    """The results in a folder of `docs/`; whoever is given them changes nothing."""
+    return read_results(DOCS / name / "results.json")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("study", COMMITTED)
 def test_results_are_of_the_study_as_it_stands(study):
-    made = read_results(DOCS / COMMITTED[study][0] / "results.json")
+    made = committed(COMMITTED[study][0])
     cells = expand(*load_study(study))
     assert [cell.record.key for cell in made.cells] == [cell.key for cell in cells]
 
@@ -39,7 +46,7 @@ def test_results_are_of_the_study_as_it_stands(study):
 @pytest.mark.parametrize("study", COMMITTED)
 def test_page_is_that_of_the_results(study):
     name, page = COMMITTED[study]
-    made = read_results(DOCS / name / "results.json")
+    made = committed(name)
     assert made.failures == ()
     assert not made.quick
     text = render_markdown(build_report(made), f"{name}/figures")
@@ -62,7 +69,7 @@ def team_row(made, auvs, nodes):
 
 
 def test_the_table_of_teams_is_of_the_results():
-    made = read_results(DOCS / "multi" / "results.json")
+    made = committed("multi")
     text = (DOCS / "multi-auv.md").read_text(encoding="utf-8")
     for nodes in (10, 20, 50):
         for auvs in (1, 2, 3, 4):
@@ -71,7 +78,7 @@ def test_the_table_of_teams_is_of_the_results():
 
 @pytest.mark.parametrize("access", ["orthogonal", "exclusive"])
 def test_the_table_of_access_rules_is_of_the_results(access):
-    made = read_results(DOCS / "multi" / "results.json")
+    made = committed("multi")
     text = (DOCS / "multi-auv.md").read_text(encoding="utf-8")
     for auvs in (2, 3):
         cells = [
@@ -110,7 +117,7 @@ def gap_row(made, label):
 @pytest.mark.slow
 @pytest.mark.parametrize("label", GAPS)
 def test_the_table_of_gaps_is_of_the_results(label):
-    made = read_results(DOCS / "gap" / "results.json")
+    made = committed("gap")
     assert gap_row(made, label) in (DOCS / "gap.md").read_text(encoding="utf-8")
 
 
@@ -130,13 +137,13 @@ def front_row(made, world):
 @pytest.mark.slow
 @pytest.mark.parametrize("world", FRONTS)
 def test_the_table_of_fronts_is_of_the_results(world):
-    made = read_results(DOCS / "fairness" / "results.json")
+    made = committed("fairness")
     assert front_row(made, world) in (DOCS / "gap.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
 def test_the_table_of_the_readme_is_of_the_results():
-    made = read_results(DOCS / "gap" / "results.json")
+    made = committed("gap")
     text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
     assert all(gap_row(made, label) in text for label in GAPS if "random" not in label)
 
@@ -157,7 +164,7 @@ def study_row(made, series):
 @pytest.mark.slow
 @pytest.mark.parametrize("series", SERIES)
 def test_the_readme_has_the_figures_of_the_paper_s_study(series):
-    made = read_results(DOCS / "results" / "results.json")
+    made = committed("results")
     assert study_row(made, series) in (DOCS.parent / "README.md").read_text(encoding="utf-8")
 
 

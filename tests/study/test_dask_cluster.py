@@ -32,7 +32,7 @@ def cluster(tmp_path):
 @pytest.fixture
 def study(tmp_path):
     trained = {**STUDY["groups"]["trained"], "seeds": [0, 1, 2]}
-    trained["settings"] = {**trained["settings"], "training.steps": 2_000}
+    trained["settings"] = {**trained["settings"], "training.steps": 1_200}
     return write_study(
         tmp_path / "study.yaml", groups={**STUDY["groups"], "trained": trained}, quick={}
     )

@@ -13,8 +13,8 @@ from tiny_study import PATIENCE_S, STUDY, wait_for, write_study
 
 pytestmark = pytest.mark.slow
 
-#: Trainings of a second or two: long enough to be killed in.
-SETTINGS = {"training.steps": 4_000}
+#: Trainings of half a second: long enough to be killed in.
+SETTINGS = {"training.steps": 1_600}
 CELLS = 6
 
 
