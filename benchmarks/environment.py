@@ -8,7 +8,7 @@ Beside them stand environments of other projects that come nearest in size, with
 agents as the name says: of PettingZoo the pursuit of 10 evaders on a grid of 10 × 10 cells,
 the particles of MPE (as many landmarks as agents), and those of VMAS in a batch. They
 simulate something else: what is compared is how fast a learner gets on. The packages of
-`pip install 'iout-marl[bench]'` are needed for them; a subject that cannot run here is
+`pip install -e '.[bench]'` are needed for them; a subject that cannot run here is
 named, with the reason, and left out.
 
     python benchmarks/environment.py [--scenario paper/k10-fdd] [--repeats 5]

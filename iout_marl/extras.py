@@ -40,4 +40,4 @@ def missing(extra: str, *modules: str) -> str:
 
 def how_to_install(extra: str) -> str:
     """The command that installs an extra."""
-    return f"pip install 'iout-marl[{extra}]'"
+    return f"pip install -e '.[{extra}]' in the clone"

@@ -61,7 +61,7 @@ def test_extras_are_those_of_the_package():
 )
 def test_reports_need_theirs_before_anything_is_computed(hide, refused, tmp_path, words, module):
     hide(module)
-    expected = f"iout {words[0]} needs {module}: pip install 'iout-marl[report]'"
+    expected = f"iout {words[0]} needs {module}: pip install -e '.[report]' in the clone"
     assert refused(*words) == expected
     assert not list(tmp_path.iterdir())
 
@@ -70,7 +70,7 @@ def test_reports_need_theirs_before_anything_is_computed(hide, refused, tmp_path
 def test_the_package_of_reports_says_so_itself(hide, monkeypatch, module):
     monkeypatch.delitem(sys.modules, "iout_marl.report.writer", raising=False)
     hide(module)
-    with pytest.raises(InputError, match=rf"^iout_marl\.report needs {module}: pip install 'iout"):
+    with pytest.raises(InputError, match=rf"^iout_marl\.report needs {module}: pip install -e "):
         importlib.import_module("iout_marl.report.writer")
 
 
@@ -79,7 +79,7 @@ def test_pixels_need_matplotlib_when_they_are_asked_for(hide, make):
     hide("matplotlib")
     with pytest.raises(InputError) as raised:
         make()
-    line = "render_mode='rgb_array' needs matplotlib: pip install 'iout-marl[report]'"
+    line = "render_mode='rgb_array' needs matplotlib: pip install -e '.[report]' in the clone"
     assert str(raised.value) == line
 
 
@@ -97,20 +97,20 @@ def test_stable_baselines3(hide, make):
     hide("stable_baselines3")
     with pytest.raises(InputError) as raised:
         make("paper/k3-fdd", 1)
-    line = f"{make.__name__} needs stable_baselines3: pip install 'iout-marl[sb3]'"
+    line = f"{make.__name__} needs stable_baselines3: pip install -e '.[sb3]' in the clone"
     assert str(raised.value) == line
 
 
 def test_a_cluster(hide, refused, tmp_path):
     hide("distributed")
-    line = "--scheduler needs distributed: pip install 'iout-marl[cluster]'"
+    line = "--scheduler needs distributed: pip install -e '.[cluster]' in the clone"
     assert refused("reproduce", "--quick", "--scheduler", "tcp://127.0.0.1:9") == line
     assert not list(tmp_path.iterdir())
     with pytest.raises(InputError, match=re.escape(line)):
         DaskCluster("tcp://127.0.0.1:9")
 
 
-NOTE = "note: no energy of trainings is measured: pip install 'iout-marl[emissions]'"
+NOTE = "note: no energy of trainings is measured: pip install -e '.[emissions]' in the clone"
 
 
 @pytest.mark.parametrize("group", ["trained", "baseline"])
@@ -131,7 +131,9 @@ def test_energy_is_not_needed_but_its_lack_is_noted(hide, iout, monkeypatch, hid
 def test_no_more_than_the_first_is_named():
     assert missing("report") == ""
     require("this", "report", "matplotlib")
-    with pytest.raises(InputError, match=r"^this needs no_such: pip install 'iout-marl\[x\]'"):
+    with pytest.raises(
+        InputError, match=r"^this needs no_such: pip install -e '.\[x\]' in the clone"
+    ):
         require("this", "x", "no_such", "no_other")
 
 

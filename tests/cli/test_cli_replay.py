@@ -175,7 +175,7 @@ def test_files_of_a_run_are_kept(refused, run, tiny_settings, name):
 def test_films_need_their_extra(refused, monkeypatch, tmp_path, option, module):
     monkeypatch.setitem(sys.modules, module, None)
     words = ["replay", *K3, "--policy", "greedy", option, f"film.{option[2:]}"]
-    assert refused(*words) == f"{option} needs {module}: pip install 'iout-marl[film]'"
+    assert refused(*words) == f"{option} needs {module}: pip install -e '.[film]' in the clone"
     assert list(tmp_path.iterdir()) == []
 
 

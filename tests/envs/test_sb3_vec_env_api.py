@@ -185,4 +185,6 @@ def test_without_stable_baselines3_one_line_names_the_extra(monkeypatch, make, n
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
     with pytest.raises(InputError) as refused:
         make(scenario())
-    assert str(refused.value) == (f"{name} needs stable_baselines3: pip install 'iout-marl[sb3]'")
+    assert str(refused.value) == (
+        f"{name} needs stable_baselines3: pip install -e '.[sb3]' in the clone"
+    )

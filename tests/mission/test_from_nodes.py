@@ -251,7 +251,7 @@ def test_places_on_earth_need_the_library(refused, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyproj", None)
     Path("n.csv").write_text(as_csv([(1.0, 2.0, 3.0)]))
     line = refused("scenario", "from-nodes", "n.csv", "--out", "mine")
-    assert line.endswith("needs pyproj: pip install 'iout-marl[mission]'")
+    assert line.endswith("needs pyproj: pip install -e '.[mission]' in the clone")
     assert not Path("mine.yaml").exists()
 
 

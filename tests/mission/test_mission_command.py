@@ -118,7 +118,7 @@ def test_bad_options(refused, words, line):
 def test_the_library_is_asked_for_before_anything_is_played(refused, monkeypatch, name):
     monkeypatch.setitem(sys.modules, "pyproj", None)
     line = refused(*WORDS, *PLACED, "--format", name)
-    assert line.endswith("needs pyproj: pip install 'iout-marl[mission]'")
+    assert line.endswith("needs pyproj: pip install -e '.[mission]' in the clone")
     assert not Path("m").exists()
 
 

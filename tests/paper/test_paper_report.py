@@ -1,25 +1,16 @@
 """The report of the paper's study, as a whole and written down."""
 
 import re
-from collections import Counter
-from pathlib import Path
 
 import pytest
 from fake_results import paper_like, record, results
 
-from iout_marl.paper.claims import answers
-from iout_marl.paper.names import BEST
-from iout_marl.paper.report import COMPARED
 from iout_marl.paper.rewards import advice, judgements
 from iout_marl.report.build import build_report
 from iout_marl.report.document import Answers, Table
 from iout_marl.report.figure import Plot, TrajectoryPlot
 from iout_marl.report.markdown import render_markdown
-from iout_marl.report.measures import number
 from iout_marl.report.page import render_page
-from iout_marl.study.results import read_results
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -180,17 +171,3 @@ def test_markdown_keeps_its_tables_whatever_stands_in_a_cell():
     rows = [line for line in text.splitlines() if line.startswith("|")][2:]
     assert all(len(re.findall(r"(?<!\\)\|", row)) == 3 for row in rows)
     assert "**2\\*" in rows[-1]
-
-
-@pytest.mark.slow
-def test_the_readmes_table_is_of_the_committed_results():
-    made = read_results(ROOT / "docs" / "results" / "results.json")
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    for series in (*COMPARED, *BEST, "greedy (FDD)"):
-        found = [made.measured(series, place, "mean_aoi") for place in made.places()]
-        cells = [number(measured.estimate, 2) for measured in found]
-        assert f"| {series} | {' | '.join(cells)} |" in text
-    counts = Counter(answer.verdict for answer in answers(made).answers)
-    told = re.search(r"(\d+) claims hold, (\d+) in part, (\d+) are left open, (\d+) do not", text)
-    verdicts = ("reproduced", "reproduced in part", "left open", "not reproduced")
-    assert [int(n) for n in told.groups()] == [counts[verdict] for verdict in verdicts]

@@ -1,4 +1,4 @@
-"""What docs/python.md says is so: its names, its code, and what is imported when."""
+"""What the pages say of Python is so: names, code, and what is imported when."""
 
 import re
 import subprocess
@@ -9,8 +9,20 @@ import pytest
 
 import iout_marl
 
-PAGE = (Path(__file__).parents[2] / "docs" / "python.md").read_text()
-SNIPPETS = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+#: The code of every page that a program could copy, by page and number.
+SNIPPETS = {
+    f"{name}-{index}": code
+    for name in ("README", "docs/evaluate", "docs/get-started", "docs/python")
+    for index, code in enumerate(
+        re.findall(
+            r"^```python\n(.*?)^```",
+            (ROOT / f"{name}.md").read_text(encoding="utf-8"),
+            flags=re.MULTILINE | re.DOTALL,
+        )
+    )
+}
 
 
 def test_every_public_name_stands_in_the_page():
@@ -26,9 +38,10 @@ def test_a_name_that_is_none():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("index", range(len(SNIPPETS)))
-def test_its_code_runs(index, capsys):
-    exec(compile(SNIPPETS[index], f"docs/python.md, snippet {index}", "exec"), {})
+@pytest.mark.parametrize("name", SNIPPETS)
+def test_code_of_the_pages_runs(name, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(SNIPPETS[name], name, "exec"), {})
 
 
 @pytest.mark.slow

@@ -139,37 +139,3 @@ def front_row(made, world):
 def test_the_table_of_fronts_is_of_the_results(world):
     made = committed("fairness")
     assert front_row(made, world) in (DOCS / "gap.md").read_text(encoding="utf-8")
-
-
-@pytest.mark.slow
-def test_the_table_of_the_readme_is_of_the_results():
-    made = committed("gap")
-    text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
-    assert all(gap_row(made, label) in text for label in GAPS if "random" not in label)
-
-
-#: Series of the README's table of the paper's study.
-SERIES = (
-    *("random-walk", "round-robin", "greedy", "PPO-TDD", "Mean-AoI TDD"),
-    *("greedy (FDD)", "PPO-FDD", "Mean-AoI FDD"),
-)
-
-
-def study_row(made, series):
-    """A row of it: mean AoI with its interval at every K."""
-    estimates = (made.measured(series, k, "mean_aoi").estimate for k in (3, 5, 7, 10))
-    return f"| {' | '.join([series, *(number(estimate, 2) for estimate in estimates)])} |"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("series", SERIES)
-def test_the_readme_has_the_figures_of_the_paper_s_study(series):
-    made = committed("results")
-    assert study_row(made, series) in (DOCS.parent / "README.md").read_text(encoding="utf-8")
-
-
-def test_the_readme_counts_the_claims_of_the_paper_s_study():
-    lead = (DOCS / "reproduction.md").read_text(encoding="utf-8")
-    whole, part = re.search(r"(\d+) reproduced, (\d+) reproduced in part", lead).groups()
-    text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
-    assert f"results: {whole} claims hold, {part} in part" in text

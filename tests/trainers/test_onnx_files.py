@@ -256,4 +256,4 @@ def test_bad_input_is_refused_and_nothing_is_written_over(run, exported, refused
 def test_what_is_missing_is_named_before_anything_is_read(refused, monkeypatch, tmp_path, module):
     monkeypatch.setitem(sys.modules, module, None)
     line = refused("export", tmp_path, "--onnx", tmp_path / "new.onnx")
-    assert line == f"iout export --onnx needs {module}: pip install 'iout-marl[onnx]'"
+    assert line == f"iout export --onnx needs {module}: pip install -e '.[onnx]' in the clone"
