@@ -9,8 +9,10 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from multiprocessing import reduction
 
+PATIENCE_S = 120
 PRELOADED = ["forked", "iout_marl.cli", "trainers.training", "torch.utils.tensorboard"]
 
 
@@ -99,11 +101,20 @@ class Iout:
         self._process.kill()
 
     def communicate(self, timeout=None):
-        """Close its input; what it wrote to output and error, which must not be very much."""
+        """Close its input; what it wrote to output and error."""
         self.stdin.close()
-        self.wait(timeout)
-        with self.stdout, self.stderr:
-            return self.stdout.read(), self.stderr.read()
+        streams = (self.stdout, self.stderr)
+        with ThreadPoolExecutor(2) as readers:
+            texts = [readers.submit(stream.read) for stream in streams]
+            try:
+                self.wait(timeout)
+            except subprocess.TimeoutExpired:
+                self.kill()
+                raise
+            found = tuple(text.result() for text in texts)
+        for stream in streams:
+            stream.close()
+        return found
 
     def __enter__(self):
         return self
@@ -111,11 +122,15 @@ class Iout:
     def __exit__(self, *_):
         for stream in (self.stdin, self.stdout, self.stderr):
             stream.close()
-        self.wait()
+        try:
+            self.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise
 
 
 def run(*words, before=""):
     """Run `iout` to its end, like `subprocess.run`."""
     with Iout(words, before) as process:
-        out, err = process.communicate(timeout=120)
+        out, err = process.communicate(PATIENCE_S)
     return subprocess.CompletedProcess(list(words), process.returncode, out, err)

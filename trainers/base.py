@@ -81,7 +81,9 @@ class BaseTrainer(ABC):
         world = self.collector.world
         self.network = stacked([self._make_network(each) for each in self.seeds])
         self.network.to(self.runtime.device)
-        self.optimizer = make_optimizer(self.settings, list(self.network.parameters()))
+        self.optimizer = make_optimizer(
+            self.settings, [p for p in self.network.parameters() if p.requires_grad]
+        )
         self.minibatches = Minibatches(
             self.settings, world.num_auvs, self.collector.generators, self.runtime
         )
@@ -146,7 +148,7 @@ class BaseTrainer(ABC):
         network = self._make_network(self.seeds[policy]).to(self.runtime.device)
         network.load_state_dict(self.weights(policy))
         return TrainedPolicy(
-            network,
+            network.eval(),
             name,
             use_mask=self.settings.mask_actions,
             num_auvs=self.collector.world.num_auvs,
@@ -173,7 +175,17 @@ class BaseTrainer(ABC):
         }
 
     def load_state_dict(self, *saved: dict[str, Any]) -> None:
-        """Continue from the `state_dict` of each policy; on a CPU, as if never stopped."""
+        """Continue from the `state_dict` of each policy; on a CPU, as if never stopped.
+
+        Raises:
+            InputError: they are of other seeds, with other layouts.
+        """
+        seeds = range(saved[0]["seed"], saved[0]["seed"] + len(saved))
+        if [pin_layout(self.source, seed) for seed in seeds] != self.scenarios:
+            raise InputError(
+                f"seed: this training has the layout of seed {self.seeds.start}, what was saved "
+                f"that of seed {seeds.start}: train with the latter"
+            )
         weights = [one["network"] for one in saved]
         self.network.load_state_dict({k: torch.stack([w[k] for w in weights]) for k in weights[0]})
         self.optimizer.load_state_dict([one["optimizer"] for one in saved])
@@ -181,7 +193,7 @@ class BaseTrainer(ABC):
         self.collector.load_state_dict([one["collector"] for one in saved])
         self._capture()
         self.env_steps = saved[0]["env_steps"]
-        self.seeds = range(saved[0]["seed"], saved[0]["seed"] + len(saved))
+        self.seeds = seeds
 
     def save(self, path: str | Path) -> None:
         """Save a run that can be resumed, evaluated and loaded as a policy; several in one folder.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 import numpy as np
@@ -66,7 +67,23 @@ def _actor_and_critic(sizes: NetworkSizes) -> tuple[nn.Module, nn.Sequential]:
                     )
                 if not found.isfinite().all():
                     raise part.fault(f"its {name} makes numbers that are not finite of zeros")
+            if _depends_on_mode(module, inputs):
+                raise part.fault(
+                    f"its {name} does something else in training than in evaluation (dropout, "
+                    "batch statistics): a policy must learn by what it does"
+                )
     return PolicyByPolicy(actor), nn.Sequential(PolicyByPolicy(critic), OutputScale())
+
+
+@torch.no_grad()
+def _depends_on_mode(module: nn.Module, inputs: int) -> bool:
+    """Whether a module's outputs change with `train` and `eval`, or from call to call."""
+    sample = torch.linspace(-1.0, 1.0, 4 * inputs).reshape(4, inputs)
+    with torch.random.fork_rng(devices=[]):
+        trained, again, evaluated = (
+            copy.deepcopy(module).train(mode)(sample) for mode in (True, True, False)
+        )
+    return not (torch.equal(trained, again) and torch.equal(trained, evaluated))
 
 
 def _scaler(ranges: Ranges, settings: Training) -> Scaler:
@@ -121,7 +138,13 @@ class PolicyByPolicy(nn.Module):
             return result
         results = [
             torch.func.functional_call(
-                self.module, {name: tensor[i] for name, tensor in tensors.items()}, (each,)
+                self.module,
+                {
+                    # Buffers that are not saved are those of every policy.
+                    name: tensor[i] if tensor.ndim > self._axes[name] else tensor
+                    for name, tensor in tensors.items()
+                },
+                (each,),
             )
             for i, each in enumerate(inputs)
         ]

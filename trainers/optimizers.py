@@ -35,11 +35,14 @@ class Optimizer(ABC):
         self._sizes = [p[0].numel() for p in self._parameters]
 
     def gradient(self) -> Tensor:
-        """The gradients of all weights, (policies, weights); the parameters lose them."""
+        """The gradients of all weights, (policies, weights); the parameters lose them.
+
+        Those that the loss does not depend on have a gradient of 0.
+        """
         rows = []
         for parameter in self._parameters:
-            assert parameter.grad is not None
-            rows.append(parameter.grad.flatten(1))
+            gradient = parameter.grad
+            rows.append((torch.zeros_like(parameter) if gradient is None else gradient).flatten(1))
             parameter.grad = None
         return torch.cat(rows, dim=-1)
 

@@ -30,7 +30,19 @@ def perceptron(inputs, width, outputs):
 
 @pytest.fixture
 def mine():
-    """A network of a user's, with a buffer and weights that actor and critic share."""
+    """A network of a user's: buffers that are saved and not, weights frozen and unused."""
+
+    class Actor(nn.Module):
+        def __init__(self, inputs, width, outputs):
+            super().__init__()
+            self.layers = perceptron(inputs, width, outputs)
+            self.unused = nn.Linear(2, 3)
+            self.frozen = nn.Parameter(torch.rand(outputs), requires_grad=False)
+            self.register_buffer("factors", 1 + torch.rand(outputs))
+            self.register_buffer("places", torch.arange(outputs) / outputs, persistent=False)
+
+        def forward(self, inputs):
+            return self.layers(inputs) * self.factors + self.places + self.frozen
 
     @parts.networks.register("mine", version=1)
     class Mine(parts.Network):
@@ -38,14 +50,26 @@ def mine():
             width: parts.Count = 5
 
         def make_actor(self, sizes):
-            actor = perceptron(sizes.observation_entries, self.settings.width, sizes.choices)
-            actor.register_buffer("unused", torch.zeros(3))
-            return actor
+            return Actor(sizes.observation_entries, self.settings.width, sizes.choices)
 
         def make_critic(self, sizes):
             return perceptron(sizes.critic_entries, self.settings.width, 1)
 
     return Mine
+
+
+class BatchStatistics(nn.Module):
+    """Batch normalisation over all axes but the last."""
+
+    def forward(self, inputs):
+        if not self.training:
+            return inputs
+        axes = tuple(range(inputs.ndim - 1))
+        return inputs - inputs.mean(axes, keepdim=True)
+
+
+def with_layer(sizes, layer):
+    return nn.Sequential(nn.Linear(sizes.observation_entries, sizes.choices), layer)
 
 
 def broken(**methods):
@@ -79,7 +103,7 @@ def test_each_of_several_policies_is_what_it_would_be_alone(tiny, mine, changes)
         for name, tensor in alone.weights().items():
             torch.testing.assert_close(tensor, together.weights(policy)[name], rtol=1e-4, atol=1e-5)
         moved = [name for name in before if not torch.equal(before[name], alone.weights()[name])]
-        assert {"actor.module.0.weight", "critic.0.module.0.weight"} <= set(moved)
+        assert {"actor.module.layers.0.weight", "critic.0.module.0.weight"} <= set(moved)
 
 
 def test_values_stay_what_they_are_when_returns_are_normalised_anew(tiny, mine):
@@ -110,6 +134,20 @@ def test_a_run_is_loaded_evaluated_and_resumed(tiny, mine, tmp_path):
     policy = load_policy(tmp_path / "run")
     found = evaluate(scenario, policy, 2, seed=0).metrics["mean_aoi"].mean
     assert found == again.evaluation.metrics["mean_aoi"].mean
+
+
+def test_what_is_saved_is_what_was_trained(tiny, mine):
+    trainer = Trainer(tiny({"training.network": "mine"}), replicas=2)
+    trainer.iterate_all()
+    seen = trainer.collector.observe()
+    with torch.no_grad():
+        together = trainer.network.logits(trainer.network.scaler(seen))
+        for i in range(2):
+            network = trainer.policy(i).network
+            found = network.logits(network.scaler(seen[i]))
+            torch.testing.assert_close(found, together[i], rtol=1e-5, atol=1e-6)
+    frozen = trainer.weights()["actor.module.frozen"]
+    assert torch.equal(frozen, Trainer(trainer.source).weights()["actor.module.frozen"])
 
 
 def test_hash_knows_kind_settings_and_version(mine):
@@ -157,8 +195,18 @@ def test_logits_may_be_those_of_all_choices(tiny, mine):
             {"make_critic": lambda self, sizes: nn.Linear(sizes.critic_entries + 1, 1)},
             r"raises RuntimeError: ",
         ),
+        *(
+            (
+                {"make_actor": lambda self, sizes, layer=layer: with_layer(sizes, layer)},
+                "its actor does something else in training than in evaluation",
+            )
+            for layer in (nn.Dropout(0.5), BatchStatistics())
+        ),
     ],
-    ids=["no module", "too few logits", "two values", "no value", "raises", "other inputs"],
+    ids=[
+        *("no module", "too few logits", "two values", "no value", "raises", "other inputs"),
+        *("dropout", "batch statistics"),
+    ],
 )
 def test_what_does_not_work_is_refused_before_anything_is_written(tiny, tmp_path, methods, fault):
     broken(**methods)

@@ -2,7 +2,6 @@
 
 import json
 import re
-import time
 from dataclasses import replace
 from importlib.resources import files
 
@@ -24,13 +23,11 @@ def recording():
     return record_policy("paper/k3-fdd", "greedy")
 
 
-def test_a_large_episode_is_small_and_quick():
-    """100 slots, 50 nodes, 4 AUVs: at most 2 s, and 1.5 MB beside the library's code."""
+def test_a_large_episode_is_small():
+    """100 slots, 50 nodes, 4 AUVs: at most 1.5 MB beside the library's code."""
     recording = record_policy("multi/m4-k50-fdd", "greedy")
     assert (recording.slots, recording.num_nodes, recording.num_auvs) == (100, 50, 4)
-    start = time.perf_counter()
     page = render_page([recording, recording])
-    assert time.perf_counter() - start < 2
     library = (ASSETS / "three" / "three.min.js").read_text(encoding="utf-8")
     assert library in page
     assert len(page.encode()) - len(library.encode()) < 1.5e6

@@ -5,6 +5,7 @@ import sys
 import time
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -74,3 +75,10 @@ def test_a_failing_function_ends_its_measurement():
     with pytest.raises(ZeroDivisionError):
         emissions.measured(lambda: 1 / 0, 571.0)
     assert emissions.measured(work, 571.0)[1] is not None
+
+
+def test_counters_that_stand_still_are_no_measurement(monkeypatch):
+    idle = SimpleNamespace(energy_consumed=0.0)
+    tracker = SimpleNamespace(start_task=lambda: None, stop_task=lambda: idle)
+    monkeypatch.setattr(emissions, "_tracker", lambda _: tracker)
+    assert emissions.measured(work, 571.0) == ("done", None)

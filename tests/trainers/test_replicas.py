@@ -104,6 +104,14 @@ def test_epochs_that_stop_early_are_refused(tiny):
         Trainer(tiny({"training.target_kl": 0.01}), replicas=2)
 
 
+def test_a_state_of_another_layout_is_refused(tiny):
+    nodes = {"kind": "random", "count": 2, "redraw": "run"}
+    saved = Trainer(tiny({"nodes": nodes}), seed=2).state_dict()
+    with pytest.raises(InputError, match=r"^seed: .* layout of seed 0, .* of seed 2: train"):
+        Trainer(tiny({"nodes": nodes})).load_state_dict(saved)
+    Trainer(tiny()).load_state_dict(Trainer(tiny(), seed=7).state_dict())
+
+
 class TestRuns:
     """A folder for each policy, as good as that of a lone run."""
 
