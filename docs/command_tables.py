@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import inspect
 import re
 from collections.abc import Iterator
@@ -39,7 +40,9 @@ def _command(name: str, command: Any, context: Any) -> Iterator[str]:
     rows = [(f"`{p.metavar}`", _text(p.help)) for p in arguments]
     for names, text in (p.get_help_record(context) for p in options):
         words = re.sub(r"<(\w+)>", lambda found: found[1].upper(), names)
-        rows.append((f"`{words}`".replace("|", r"\|"), _text(text)))
+        # Within code a bar would end the cell, and a backslash before it would show.
+        shown = html.escape(words).replace("|", "&#124;")
+        rows.append((f"<code>{shown}</code>" if "|" in words else f"`{words}`", _text(text)))
     if rows:
         yield table(("Argument or option", "Meaning"), rows)
 

@@ -13,6 +13,8 @@ from iout_marl import iout_v0
 
 options = onnxruntime.SessionOptions()
 options.log_severity_level = 3  # that the mask may be left out would be a warning
+if len(sys.argv) != 3:
+    sys.exit(f"usage: {sys.argv[0]} FILE.onnx SCENARIO")
 session = onnxruntime.InferenceSession(sys.argv[1], options)
 uses_mask = session.get_modelmeta().custom_metadata_map["trained_with_mask"] == "true"
 env = iout_v0.parallel_env(sys.argv[2], overrides={"observation.action_mask": "info"})

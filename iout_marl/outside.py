@@ -95,7 +95,12 @@ def import_named(name: str) -> Any:
         try:
             found = getattr(found, word)
         except AttributeError:
-            known = [each for each in dir(found) if not each.startswith("_")]
+            known = [
+                each
+                for each in dir(found)
+                if not each.startswith("_")
+                and not isinstance(getattr(found, each, None), ModuleType)
+            ]
             hint = did_you_mean(word, known, or_list=False)
             of = f", which is {origin}," if origin and not place.endswith(_SUFFIX) else ""
             raise InputError(f"{place}{of} has no {word!r}{hint}") from None

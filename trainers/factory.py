@@ -83,7 +83,8 @@ def _depends_on_mode(module: nn.Module, inputs: int) -> bool:
         trained, again, evaluated = (
             copy.deepcopy(module).train(mode)(sample) for mode in (True, True, False)
         )
-    return not (torch.equal(trained, again) and torch.equal(trained, evaluated))
+    # Rounding may differ: torch evaluates some modules by other ways than it trains them.
+    return not all(torch.allclose(trained, each, 1e-3, 1e-4) for each in (again, evaluated))
 
 
 def _scaler(ranges: Ranges, settings: Training) -> Scaler:

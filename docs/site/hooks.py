@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import html
+import json
 import os
 import posixpath
 import re
@@ -89,11 +90,29 @@ def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files
     return _EQUATION.sub(drawn, content)
 
 
+#: Makes a worker of its text, where pages that are read from a disk may not load one.
+_WORKER_OF_TEXT = """if (location.protocol === "file:") {
+  window.Worker = class extends Worker {
+    constructor() {
+      super(URL.createObjectURL(new Blob([%s], { type: "text/javascript" })));
+    }
+  };
+}
+"""
+
+
 def on_post_build(config: MkDocsConfig) -> None:
-    """The index of the search as a script, too: what is read from a disk can load nothing else."""
-    index = Path(config.site_dir) / "search" / "search_index.json"
+    """The search for pages that are read from a disk, which load scripts and nothing else.
+
+    The theme looks for its index in `search_index.js` there; its worker comes as a text.
+    """
+    site = Path(config.site_dir)
+    index = site / "search" / "search_index.json"
     text = f"var __index = {index.read_text(encoding='utf-8')}"
     index.with_suffix(".js").write_text(text, encoding="utf-8")
+    (worker,) = site.glob("assets/javascripts/workers/search.*.min.js")
+    source = json.dumps(worker.read_text(encoding="utf-8")).replace("</", "<\\/")
+    (site / "search" / "worker.js").write_text(_WORKER_OF_TEXT % source, encoding="utf-8")
 
 
 def _named(nav: Any) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """A callback of one's own: ends a training that no longer gets better.
 
-python examples/extending/early_stopping.py [--out runs/early]
+python examples/extending/early_stopping.py [--out runs/early-stopping]
 """
 
 from __future__ import annotations

@@ -121,7 +121,8 @@ def _part(part: PartOf, definitions: dict[str, Any], *, is_item: bool) -> dict[s
 
 
 def _kinds(part: PartOf, definitions: dict[str, Any], *, is_item: bool) -> list[dict[str, Any]]:
-    words, mappings = [], []
+    words: list[dict[str, Any]] = []
+    mappings: list[dict[str, Any]] = []
     found: dict[str, list[dict[str, Any]]] = {}
     for entry in registry_of(part.role):
         about = {"title": entry.kind, "description": text_of(entry.item)}
@@ -142,7 +143,7 @@ def _kinds(part: PartOf, definitions: dict[str, Any], *, is_item: bool) -> list[
     if part.by_name:
         about = {"title": part.by_name, "description": f"`name` of kind `{part.by_name}`."}
         words.append({**about, "type": "string", "pattern": "^[A-Z]"})
-    kinds = [*(words if part.is_word else ()), *mappings]
+    kinds = [*words, *mappings]
     # What is listed replaces whatever was listed before: nothing gives it a kind.
     return kinds if is_item else [*kinds, _of_any_kind(found)]
 

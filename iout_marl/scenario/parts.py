@@ -1,7 +1,7 @@
 """Fields of a scenario that name a part: its settings are those of a registered kind.
 
-A part's settings are written as a mapping with a `kind`, or, in a field that takes one word,
-as the kind alone.
+A part's settings are written as a mapping with a `kind`, or, where there is nothing else to say, as
+the kind alone.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class PartOf:
 
     Attributes:
         role: of the part.
-        is_word: it may be written as its kind alone, and is, where it has no other key.
+        is_word: where it has no other key, it is shown as its kind alone.
         default: the kind of a mapping that names none; empty where one must be named.
         by_name: the kind that a word with a capital letter is the `name` of; empty for none.
     """
@@ -125,22 +125,14 @@ class PartOf:
                 _to_word if self.is_word else _to_mapping, info_arg=True
             ),
         )
-        if self.is_word:
-            return core_schema.no_info_before_validator_function(self.from_word, union)
-        if self.default:
-            return core_schema.no_info_before_validator_function(self.with_default, union)
-        return union
+        return core_schema.no_info_before_validator_function(self.completed, union)
 
-    def from_word(self, value: Any) -> Any:
-        """A mapping for a word."""
-        if not isinstance(value, str):
-            return value
-        if self.by_name and value[:1].isupper():
-            return {"kind": self.by_name, "name": value}
-        return {"kind": value}
-
-    def with_default(self, value: Any) -> Any:
-        """A mapping with the kind that holds where it names none."""
+    def completed(self, value: Any) -> Any:
+        """A mapping for a word, and the kind that holds for a mapping that names none."""
+        if isinstance(value, str):
+            if self.by_name and value[:1].isupper():
+                return {"kind": self.by_name, "name": value}
+            return {"kind": value}
         if self.default and isinstance(value, Mapping) and "kind" not in value:
             return {"kind": self.default, **value}
         return value

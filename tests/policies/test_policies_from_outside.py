@@ -126,6 +126,11 @@ def test_the_working_folder_is_looked_through_last(folder):
     assert sys.path.count(str(folder)) == 1
 
 
+def test_a_module_is_not_meant(folder):
+    with pytest.raises(InputError, match=r"mine_of_tests\.py has no 'dataclass'$"):
+        import_named("mine_of_tests.py:dataclass")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "expected"),

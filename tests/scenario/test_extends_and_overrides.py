@@ -173,3 +173,13 @@ def test_key_that_the_other_kind_lacks_is_reported_where_the_kind_was_changed(wr
     path = write(a="extends: paper/k3-fdd\n\nnodes: {kind: random}")
     with pytest.raises(InputError, match=r"^a\.yaml:3: nodes\.count: is missing$"):
         load_scenario(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "kind"),
+    [("reward", "mean_age"), ("duplex", "tdd"), ("channel", "sonar"), ("auvs.motion", "hover")],
+)
+def test_a_part_may_be_written_as_its_kind_alone(key, kind):
+    word = load_scenario("paper/k3-fdd", {key: kind})
+    assert word == load_scenario("paper/k3-fdd", {key: {"kind": kind}})
+    assert word.hash != load_scenario("paper/k3-fdd").hash

@@ -250,7 +250,9 @@ def test_a_part_from_outside_is_in_it(iout):
 
     try:
         data = json.loads(iout("schema")[1])
-        (found,) = (k for k in data["$defs"]["reward"]["oneOf"] if k["title"] == "of_the_test")
+        kinds = data["$defs"]["reward"]["oneOf"]
+        word, found = (kind for kind in kinds if kind["title"] == "of_the_test")
+        assert word["const"] == "of_the_test"
         assert found["description"] == "Nothing at all."
         number = {"type": "integer", "minimum": 1, "maximum": 9, "default": 2}
         assert found["properties"]["number"] == number | {"description": "How many of them."}

@@ -121,6 +121,7 @@ LINES = {
     '"a\\nb\\e[31m": 4': "a\\nb\\x1b[31m: unknown key",
     # Kinds.
     "reward: {kind: mean_aoi}": "reward.kind: unknown kind 'mean_aoi'; did you mean 'mean_age'?",
+    "reward: mean_aoi": "reward: unknown kind 'mean_aoi'; did you mean 'mean_age'?",
     "duplex: {kind: 3}": "duplex.kind: unknown kind '3'; known: fdd, tdd",
     "duplex: {kind: [fdd]}": "duplex.kind: unknown kind",
     "duplex: {kind: null}": "duplex.kind: ",

@@ -64,8 +64,9 @@ def test_page_can_be_read(opened, address, name, size, scheme):
     assert not any(image.evaluate(broken) for image in images.all())
 
 
-def test_search_finds_a_key(opened, address):
-    page = opened(address)
+@pytest.mark.parametrize("by", ["server", "disk"])
+def test_search_finds_a_key(opened, address, site, by):
+    page = opened(address if by == "server" else (site / "index.html").as_uri())
     page.get_by_placeholder("Search").click()
     page.keyboard.type("noise_level_db")
     page.locator(".md-search-result__item").first.wait_for()
