@@ -86,7 +86,7 @@ class Tally:
         charged, heard = nodes.flat_index(events.charged), nodes.flat_index(events.heard)
         self._harvested_j = nodes.scatter_add(self._harvested_j, charged, events.harvested_j)
         self._spent_j = nodes.scatter_add(self._spent_j, heard, events.spent_j)
-        self._distance_m += link.at(link.distance_m, link.offset(state.cell, self._cell))
+        self._distance_m += link.at(link.way_m, link.offset(state.cell, self._cell))
         self._moves += state.cell != self._cell
         self._packets += events.delivered
         self._delivered_j += events.harvested_j

@@ -30,12 +30,11 @@ def energy_outlook(scenario: Scenario) -> str | None:
     Args:
         scenario: any scenario that has been accepted.
     """
-    grid = Grid(scenario.grid.cells)
+    grid = Grid.from_scenario(scenario)
     try:
         with np.errstate(all="ignore"):  # what overflows is too dear, what vanishes is nothing
-            return _outlook(
-                scenario, Link(scenario, grid, Backend.from_library()), _offsets(scenario, grid)
-            )
+            link = Link(scenario, grid, Backend.from_library())
+            return _outlook(scenario, link, _offsets(scenario, grid))
     except InputError as error:
         return f"no world can be made of this scenario: {error}"
 
@@ -59,27 +58,31 @@ def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> 
             f"nothing can ever be delivered: {bounds}, and the cheapest uplink takes "
             f"{_joules(uplink_j.min())}, more than all {slots:,} slots of an episode bring"
         )
-    away = link.distance_m[offsets] > 0
+    away = link.way_m[offsets] > 0
     if not away.any():
         return None
+    nearest_m = float(link.distance_m[offsets][away].min())
     if richest * charges <= uplink_j[away].min():
         return (
             f"a node can be heard from its own cell alone: from the next one an uplink takes "
             f"{_joules(uplink_j[away].min())}, more than all {slots:,} slots of an episode bring "
-            f"({_loss(scenario, link, link.budget.uplink_frequency_khz)})"
+            f"({_loss(link, nearest_m, link.budget.uplink_frequency_khz)})"
         )
     if harvest_j[away].max() * charges <= uplink_j.min():
         return (
             f"a node can be charged from its own cell alone: from the next one a slot brings "
             f"{_joules(harvest_j[away].max())}, and the cheapest uplink takes "
             f"{_joules(uplink_j.min())} "
-            f"({_loss(scenario, link, link.budget.charging_frequency_khz)})"
+            f"({_loss(link, nearest_m, link.budget.charging_frequency_khz)})"
         )
     return None
 
 
 def _offsets(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
-    """Indices of the links between any cell and any node; entries that no pair has are at 0 m."""
+    """Indices of the links between any cell and any node.
+
+    Entries that no pair has are as within one cell.
+    """
     placement = scenario.nodes.part
     every = np.arange(2 * grid.num_codes - 1)
     if placement.redraws != "never" or grid.num_cells * scenario.num_nodes > MAX_PAIRS:
@@ -89,10 +92,9 @@ def _offsets(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
     return np.unique(cells[:, None] - given + grid.offset_origin)
 
 
-def _loss(scenario: Scenario, link: Link, frequency_khz: float) -> str:
-    spacing_m = scenario.grid.spacing_m
-    loss_db = float(link.budget.attenuation_db(spacing_m, frequency_khz))
-    return f"over {spacing_m:g} m sound of {frequency_khz:g} kHz loses {loss_db:,.0f} dB"
+def _loss(link: Link, distance_m: float, frequency_khz: float) -> str:
+    loss_db = float(link.budget.attenuation_db(distance_m, frequency_khz))
+    return f"over {distance_m:g} m sound of {frequency_khz:g} kHz loses {loss_db:,.0f} dB"
 
 
 def _joules(energy_j: float) -> str:

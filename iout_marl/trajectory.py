@@ -11,6 +11,7 @@ from iout_marl.policies import AnyPolicy
 from iout_marl.replay.recorder import record_policy
 from iout_marl.replay.recording import Recording
 from iout_marl.scenario import AnyScenario, Overrides
+from iout_marl.scenario.spacing import Spacing
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class Trajectory:
 
     Attributes:
         grid: cells along x, y and z.
-        spacing_m: edge of a cell in m.
+        spacing_m: edge of a cell in m, or its edges along x, y and z.
         nodes: (nodes, 3) cells.
         path: (slots + 1, auvs, 3) cells, the starts first.
         charged: (slots, auvs) node charged; 0 where the slot left no time for it.
@@ -29,7 +30,7 @@ class Trajectory:
     """
 
     grid: list[int]
-    spacing_m: float
+    spacing_m: float | list[float]
     nodes: list[list[int]]
     path: list[list[list[int]]]
     charged: list[list[int]]
@@ -43,7 +44,7 @@ class Trajectory:
         only_charged = recording.splits_slot & (recording.beta == 1)
         return cls(
             grid=list(recording.grid),
-            spacing_m=recording.spacing_m,
+            spacing_m=_as_json(recording.spacing_m),
             nodes=recording.nodes.tolist(),
             path=recording.path.tolist(),
             charged=recording.charged.tolist(),
@@ -55,6 +56,10 @@ class Trajectory:
     def to_json(self) -> dict[str, Any]:
         """The episode as JSON has it; `Trajectory(**…)` reads it back."""
         return asdict(self)
+
+
+def _as_json(spacing_m: Spacing) -> float | list[float]:
+    return list(spacing_m) if isinstance(spacing_m, tuple) else spacing_m
 
 
 def record_episode(

@@ -14,6 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
 from oracle_team import Notebook
 
 if TYPE_CHECKING:
@@ -94,6 +95,33 @@ def summit(function: Callable[[float], float], low: float, high: float) -> float
         else:
             high = right
     return max((low, high), key=function)
+
+
+def edges(scenario: Scenario) -> tuple[float, ...]:
+    """The edges of a cell along x, y and z in m."""
+    spacing = scenario.grid.spacing_m
+    return tuple(spacing) if isinstance(spacing, tuple) else (spacing,) * 3
+
+
+def mean_within(a: float, b: float, c: float) -> float:
+    """The mean distance of two points in a box.
+
+    With differences u ≥ 0 of density 2 (1 − u) along each edge of length 1, in polar coordinates
+    about the corner at which they are 0, where the distance has its tip: the radius by hand, the
+    two shares of the far faces by Gauss and Legendre.
+    """
+    points, weights = np.polynomial.legendre.leggauss(40)
+    points, weights = (points + 1) / 2, weights / 2
+    total = 0.0
+    for face in range(3):  # where the largest difference is the one of this axis
+        lengths = [(a, b, c)[(face + i) % 3] for i in range(3)]
+        for s, ws in zip(points, weights, strict=True):
+            for t, wt in zip(points, weights, strict=True):
+                slope = math.sqrt(lengths[0] ** 2 + (s * lengths[1]) ** 2 + (t * lengths[2]) ** 2)
+                # ∫ r³ (1 − r)(1 − r s)(1 − r t) dr from 0 to 1
+                radial = 1 / 4 - (1 + s + t) / 5 + (s + t + s * t) / 6 - s * t / 7
+                total += 8 * ws * wt * slope * radial
+    return total
 
 
 class Sound:
@@ -199,6 +227,9 @@ class Oracle:
         while len(self.auv_cells) < scenario.num_auvs:
             self.auv_cells.append(self.loneliest_cell())
         self.nodes, self.auvs = range(scenario.num_nodes), range(scenario.num_auvs)
+        self.own_cell_m = 0.0
+        if scenario.grid.own_cell_distance == "mean":
+            self.own_cell_m = mean_within(*edges(scenario))
         self.slot = 0
         self.age = [scenario.age.initial for _ in self.nodes]
         self.energy_j = [0.0 for _ in self.nodes]
@@ -224,13 +255,23 @@ class Oracle:
                         best, cell = nearest, (x, y, z)
         return cell
 
-    def squared_cells(self, auv: int, node: int) -> int:
-        """Squared distance in cells: whole numbers, in which equal distances are equal."""
-        (x, y, z), (u, v, w) = self.auv_cells[auv], self.node_cells[node]
-        return (x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2
-
     def distance_m(self, auv: int, node: int) -> float:
-        return math.sqrt(self.squared_cells(auv, node)) * self.scenario.grid.spacing_m
+        return self.between_m(self.auv_cells[auv], self.node_cells[node])
+
+    def between_m(self, one: Cell, other: Cell) -> float:
+        """Between the centres of two cells; within a cell what the scenario takes it for."""
+        if one == other:
+            return self.own_cell_m
+        squares = self.squared_shortest(one, other)
+        return math.sqrt(squares) * min(edges(self.scenario))
+
+    def squared_shortest(self, one: Cell, other: Cell) -> float:
+        """Squared distance of two cells in shortest edges: of cubes a whole number."""
+        lengths = edges(self.scenario)
+        far = [
+            edge / min(lengths) * (a - b) for edge, a, b in zip(lengths, one, other, strict=True)
+        ]
+        return far[0] ** 2 + far[1] ** 2 + far[2] ** 2
 
     def step(self, action: Sequence[Sequence[int]]) -> None:
         """One slot: move, charge, uplink, age. `action` has (direction, nodes…) per AUV."""
@@ -341,7 +382,7 @@ class Oracle:
             for auv, event in enumerate(self.events):
                 sends = able[auv][node] if fdd else event.beta < 1
                 if event.heard == node and sends:
-                    takers.append((self.squared_cells(auv, node), self.auv_cells[auv], auv))
+                    takers.append((self.distance_m(auv, node), self.auv_cells[auv], auv))
             if takers:
                 for *_, auv in takers:
                     self.events[auv].contested = len(takers) > 1
@@ -370,14 +411,13 @@ class Oracle:
 
     def share_the_band(self, sending: dict[int, int], alone: dict[int, float]) -> None:
         """Powers raised step by step until all are heard; if they cannot be, one falls silent."""
-        spacing = self.scenario.grid.spacing_m
         while sending:
             energy = {auv: alone[auv] for auv in sending}
             failed = False
             for _ in range(10_000):
                 before = dict(energy)
                 for auv in sending:
-                    noise = 1.0 + self.charging_noise(auv, spacing)
+                    noise = 1.0 + self.charging_noise(auv)
                     for other, node in sending.items():
                         if other != auv:
                             watts = before[other] / self.duration_s(other)
@@ -392,14 +432,14 @@ class Oracle:
                     break
             if not failed:
                 break
-            far = {a: self.squared_cells(a, node) for a, node in sending.items()}
+            far = {a: self.distance_m(a, node) for a, node in sending.items()}
             silent = min(sending, key=lambda a: (-far[a], self.auv_cells[a]))
             self.silenced += 1
             sending = {auv: node for auv, node in sending.items() if auv != silent}
         for auv, node in sending.items():
             self.pay(auv, node, energy[auv], delivered=True)
 
-    def charging_noise(self, auv: int, spacing: float) -> float:
+    def charging_noise(self, auv: int) -> float:
         """What AUVs that still charge while this one listens add to the noise (TDD)."""
         duplex = self.scenario.duplex
         if duplex.kind == "fdd" or duplex.synchronised:
@@ -407,7 +447,7 @@ class Oracle:
         noise = 0.0
         for other in self.auvs:
             if self.events[other].beta > self.events[auv].beta:
-                apart = math.dist(self.auv_cells[auv], self.auv_cells[other]) * spacing
+                apart = self.between_m(self.auv_cells[auv], self.auv_cells[other])
                 noise += self.sound.charger_watts() / self.sound.watts_per_snr(apart)
         return noise
 

@@ -60,7 +60,8 @@ class Notebook:
                     pairs = zip(oracle.auv_cells[other], own, strict=True)
                     steps.append(tuple(theirs - mine for theirs, mine in pairs))
             # Of equally near ones the first in x, y and z.
-            for step in sorted(steps, key=lambda s: (sum(c * c for c in s), s)):
+            here = (0, 0, 0)
+            for step in sorted(steps, key=lambda s: (oracle.squared_shortest(s, here), s)):
                 seen += self._step(step)
         if limited:
             whole = oracle.scenario.num_slots if self._is_scaled else 1
@@ -91,8 +92,8 @@ class Notebook:
         """Beside that of an uplink over half the grid."""
         if not self._is_scaled:
             return energy_j
-        grid = self.oracle.scenario.grid
-        half_m = grid.spacing_m * math.sqrt(sum(size**2 for size in grid.cells)) / 2
+        oracle = self.oracle
+        half_m = oracle.between_m(oracle.scenario.grid.cells, (0, 0, 0)) / 2
         uplink_j = self.oracle.sound.required_j(half_m, self.oracle.scenario.slot_s)
         return energy_j / (energy_j + uplink_j)
 

@@ -154,7 +154,7 @@ class _Dual:
         last = scenario.num_slots - 1
         self._slots = (*(slot for slot in TIMES if slot < last), last)
         self.num_times = len(self._slots)
-        self._reach_m = REACH_CELLS * scenario.grid.spacing_m
+        self._reach_m = REACH_CELLS * max(scenario.grid.edges_m)
         self.oldest = oldest
         self._programme = Programme(field, oldest)
         prices = self.prices(self.first())

@@ -12,12 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.scenario import Scenario
+
 
 @dataclass(frozen=True)
 class Grid:
-    """A grid of `shape` cells along x, y and z, counted from 0 here."""
+    """A grid of `shape` cells along x, y and z, counted from 0 here, with edges of `edges_m`."""
 
     shape: tuple[int, int, int]
+    edges_m: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    @classmethod
+    def from_scenario(cls, scenario: Scenario) -> Grid:
+        """The grid of a scenario."""
+        return cls(scenario.grid.cells, scenario.grid.edges_m)
 
     @property
     def num_cells(self) -> int:
@@ -60,11 +68,40 @@ class Grid:
         table[self.encode(cells)] = cells
         return table
 
+    def lengths(self, steps: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Lengths of (…, 3) differences in cells, as multiples of the shortest edge: (…).
+
+        In cubic cells they are those in cells, whatever the edge, to the last bit.
+        """
+        relative = np.asarray(self.edges_m) / min(self.edges_m)
+        lengths: npt.NDArray[np.float64] = np.linalg.norm(np.asarray(steps) * relative, axis=-1)
+        return lengths
+
+    def metres(self, steps: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Lengths of (…, 3) differences in cells, in m: (…)."""
+        return self.lengths(steps) * min(self.edges_m)
+
     def offset_distances(self) -> npt.NDArray[np.float64]:
         """Euclidean distance in cells by code difference + `offset_origin`."""
-        x, y, z = self.shape
-        axes = [np.arange(1 - n, n) for n in (x, y, z)]
-        offsets = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        places, steps = self._offsets()
         table = np.zeros(2 * self.num_codes - 1)
-        table[self.encode(offsets) + self.offset_origin] = np.sqrt((offsets**2).sum(-1))
+        table[places] = np.sqrt((steps**2).sum(-1))
         return table
+
+    def offset_distances_m(self, own_cell_m: float = 0.0) -> npt.NDArray[np.float64]:
+        """Distance between centres of cells in m by code difference + `offset_origin`.
+
+        Args:
+            own_cell_m: what counts as the distance within one cell, and stands where no two
+                cells have that difference.
+        """
+        places, steps = self._offsets()
+        table = np.full(2 * self.num_codes - 1, own_cell_m)
+        table[places] = np.where(steps.any(-1), self.metres(steps), own_cell_m)
+        return table
+
+    def _offsets(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Of all differences between cells: indices into such a table, and (…, 3) steps."""
+        axes = [np.arange(1 - n, n) for n in self.shape]
+        steps = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        return self.encode(steps) + self.offset_origin, steps

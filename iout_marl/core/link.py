@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.arrays.backend import Backend
+from iout_marl.core.box import mean_distance_in_box
 from iout_marl.core.budget import LinkBudget
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import DEAREST_J, FARTHEST_M, bounded, check_link, unheard
@@ -31,9 +32,11 @@ class Link:
     Attributes:
         channel: the physics behind the tables.
         slot_s: τ in s.
-        distance_m, harvested_w, power_per_snr_w, slot_uplink_j: by offset: the distance,
-            the power harvested, the transmit power per unit of SNR, and the energy of
-            an uplink over a whole slot; (offsets,) each.
+        distance_m, harvested_w, power_per_snr_w, slot_uplink_j: by offset: the distance
+            that sound goes, the power harvested, the transmit power per unit of SNR, and the
+            energy of an uplink over a whole slot; (offsets,) each.
+        way_m: by offset: the way from the centre of one cell to that of the other, 0 within one
+            whatever `grid.own_cell_distance` says; (offsets,).
 
     Raises:
         InputError: they are no numbers, or larger than numbers are here.
@@ -45,7 +48,10 @@ class Link:
         self.slot_s = scenario.slot_s
         self._xp = backend.xp
         self._origin = backend.integers(grid.offset_origin)
-        distance_m = bounded(grid.offset_distances() * scenario.grid.spacing_m, 0.0, FARTHEST_M)
+        way_m = bounded(grid.offset_distances_m(), 0.0, FARTHEST_M)
+        is_mean = scenario.grid.own_cell_distance == "mean"
+        own_cell_m = mean_distance_in_box(grid.edges_m) if is_mean else 0.0
+        distance_m = bounded(grid.offset_distances_m(own_cell_m), 0.0, FARTHEST_M)
         harvested_w = self.budget.harvested_power_w(distance_m)
         power_per_snr_w = self.budget.power_per_snr_w(distance_m)
         uplink_j = self.budget.required_energy_j(power_per_snr_w, self.slot_s)
@@ -53,6 +59,7 @@ class Link:
         powers = {"power of an uplink": power_per_snr_w, "energy of an uplink": uplink_j}
         check_link(scenario, float(harvested_w.max()), powers)
         self.distance_m = backend.floats(distance_m)
+        self.way_m = backend.floats(way_m) if is_mean else self.distance_m
         self.harvested_w = backend.floats(harvested_w)
         self.power_per_snr_w = backend.floats(power_per_snr_w)
         self.slot_uplink_j = backend.floats(uplink_j)

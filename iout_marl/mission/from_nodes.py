@@ -15,6 +15,7 @@ from iout_marl.mission.geography import Floats, Place
 from iout_marl.mission.node_files import NodeFile
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.sections import Grid, Origin
+from iout_marl.scenario.spacing import spacing_text
 from iout_marl.words import counted
 
 #: Times that a grid is moved, to lie around nodes: more would bring nothing.
@@ -77,7 +78,7 @@ def _outside(cells: npt.NDArray[np.int64], node: int, grid: Grid) -> str:
     shape = "×".join(map(str, grid.cells))
     text = (
         f"lies outside the grid, in cell {cells[node].tolist()} of {shape} cells of "
-        f"{grid.spacing_m:g} m"
+        f"{spacing_text(grid.spacing_m)}"
     )
     if (cells >= 1).all():
         needed = np.maximum(cells.max(axis=0), grid.cells).tolist()
@@ -119,7 +120,7 @@ def scenario_data(
         source: where the nodes are from.
     """
     grid = snapped.grid
-    placed: dict[str, Any] = {"cells": list(grid.cells), "spacing_m": grid.spacing_m}
+    placed = grid.model_dump(mode="json", exclude={"origin"})
     if grid.origin is not None:
         placed["origin"] = grid.origin.model_dump()
     nodes: dict[str, Any] = {"kind": "fixed", "cells": snapped.cells.tolist()}

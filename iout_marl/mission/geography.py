@@ -22,10 +22,15 @@ class Place:
 
     Args:
         grid: the section of a scenario.
+
+    Attributes:
+        spacing_m: as the scenario has it: a number, or three.
+        edges_m: (3,) edges of a cell along x, y and z.
     """
 
     def __init__(self, grid: Grid) -> None:
         self.spacing_m = grid.spacing_m
+        self.edges_m = np.array(grid.edges_m)
         self.shape = grid.cells
         self.origin = grid.origin
         self._top_m = grid.origin.depth_m if grid.origin else 0.0
@@ -34,14 +39,14 @@ class Place:
 
     def local(self, cells: npt.ArrayLike) -> Floats:
         """(…, 3) local metres of the centres of (…, 3) cells, counted from 1."""
-        metres = (np.asarray(cells, dtype=np.float64) - 1) * self.spacing_m
+        metres = (np.asarray(cells, dtype=np.float64) - 1) * self.edges_m
         return metres + np.array([0.0, 0.0, self._top_m])
 
     def cells(self, local: npt.ArrayLike) -> npt.NDArray[np.int64]:
         """(…, 3) cells in which (…, 3) local metres lie, from 1 where they are in the grid."""
         metres = np.asarray(local, dtype=np.float64) - np.array([0.0, 0.0, self._top_m])
         # A position between two cells is of the one with the higher number, on every axis.
-        return np.floor(metres / self.spacing_m + 0.5).astype(np.int64) + 1
+        return np.floor(metres / self.edges_m + 0.5).astype(np.int64) + 1
 
     def east_north(self, local: npt.ArrayLike) -> Floats:
         """(…, 3) metres to the east and north of the origin, and depth."""

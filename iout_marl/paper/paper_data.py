@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from iout_marl.core.grid import Grid
 from iout_marl.scenario import load_scenario
 
 _DATA = Path(__file__).parent / "data"
@@ -97,4 +98,4 @@ def mean_distance_from_start(nodes: float) -> str | None:
     if nodes not in range(1, len(cells) + 1):
         return None
     offset = cells[: int(nodes)] - np.array(scenario.auvs.start_cells[0])
-    return f"{np.linalg.norm(offset, axis=1).mean() * scenario.grid.spacing_m:.0f} m"
+    return f"{Grid.from_scenario(scenario).metres(offset).mean():.0f} m"

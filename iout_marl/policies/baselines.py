@@ -55,11 +55,11 @@ class Greedy(BasePolicy):
         # Of all directions, the one whose step ends nearest to the centre of gravity.
         targets = _coordinates(world, world.motion.neighbours(state.cell))
         moved = (targets != position[:, :, None, :]).any(-1)
-        distance_after = np.linalg.norm(targets - centre[:, :, None, :], axis=-1)
+        distance_after = world.grid.lengths(targets - centre[:, :, None, :])
         direction = np.where(moved, distance_after, np.inf).argmin(-1)
 
         at_centre = np.linalg.norm(position - centre, axis=-1) <= 1
-        to_nodes = np.linalg.norm(position[:, :, None, :] - nodes[:, None, :, :], axis=-1)
+        to_nodes = world.grid.lengths(position[:, :, None, :] - nodes[:, None, :, :])
         chance = rng.integers(0, world.num_nodes, at_centre.shape)
         return _same_node(world, direction, np.where(at_centre, chance, to_nodes.argmin(-1)))
 

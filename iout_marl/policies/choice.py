@@ -39,9 +39,9 @@ def links(world: World, cell: Integers, state: State) -> Links:
 
 
 def near_uplink_j(world: World) -> float:
-    """The energy of an uplink from the next cell: what makes a store much or little."""
+    """The energy of an uplink from the farthest next cell: what makes a store much or little."""
     channel = world.link.budget
-    power_per_snr_w = channel.power_per_snr_w(world.scenario.grid.spacing_m)
+    power_per_snr_w = channel.power_per_snr_w(max(world.scenario.grid.edges_m))
     uplink_j = unheard(channel.required_energy_j)(power_per_snr_w, world.link.slot_s)
     return float(bounded(uplink_j, UPLINK_W[0], DEAREST_J))
 

@@ -50,8 +50,8 @@ class Simulator:
         """The directions, in the grid, that end nearest to the targets; (envs, auvs) each."""
         motion, link = self.world.motion, self.world.link
         offset = link.offset(motion.neighbours(cell), target[..., None])
-        distance_m = link.at(link.distance_m, offset)
-        return np.where(motion.stays_inside(cell), distance_m, np.inf).argmin(-1)
+        way_m = link.at(link.way_m, offset)
+        return np.where(motion.stays_inside(cell), way_m, np.inf).argmin(-1)
 
     def actions(self, state: State, direction: Integers) -> Integers:
         """Whole actions after (envs, auvs) directions, (urgency_exponents, envs, auvs, entries)."""

@@ -11,6 +11,26 @@ from iout_marl.render.snapshot import Floats, Integers
 
 _NODE_RADIUS = 0.36  # cells, of a node alone in its cell
 _SPREAD = 0.25  # cells, from the centre of a cell to the nodes that share it
+_MOST_STRETCH = 3.0  # of the longest edge of a cell to the shortest, as they are drawn
+
+
+def drawn_edges(edges_m: npt.ArrayLike) -> Floats:
+    """The edges of a cell in a picture, as multiples of the shortest.
+
+    They are in proportion up to three to one: the layers of a wide, shallow sea are drawn thicker
+    than they are, or nothing would be seen of them.
+    """
+    edges = np.asarray(edges_m, dtype=np.float64)
+    drawn: Floats = np.minimum(edges / edges.min(), _MOST_STRETCH)
+    return drawn
+
+
+def stretched_axes(edges_m: npt.ArrayLike, names: str = "xyz") -> str:
+    """Which axes are drawn longer than they are, and how many times; empty where none is."""
+    times = drawn_edges(edges_m) / np.asarray(edges_m, dtype=np.float64)
+    times /= times.min()
+    pairs = zip(names, times.tolist(), strict=True)
+    return ", ".join(f"{name} × {factor:.2g}" for name, factor in pairs if factor > 1.005)
 
 
 def place_nodes(cells: Integers, smallest: float) -> tuple[Floats, Floats]:
@@ -69,7 +89,7 @@ def freest(
     half_size: tuple[float, float],
     points: Floats,
     segments: Sequence[tuple[Floats, Floats]],
-    size: tuple[int, int],
+    size: tuple[float, float],
 ) -> int:
     """Which of the places for a label keeps clearest of what is drawn already.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -89,18 +89,26 @@ class Panel:
         ]
         self.draw_patches(shades, facecolors=colours, linewidths=0)
 
-    def number_across(self, values: Iterable[float]) -> None:
-        """Write numbers below the panel."""
+    def number_across(
+        self, values: Iterable[float], place: Callable[[float], float] = float
+    ) -> None:
+        """Write numbers below the panel, each at the coordinate that `place` gives it."""
         low, high = self._across
         for value in values:
-            self._beside((value - low) / (high - low) * self._width_px, -11, f"{value:g}")
+            self._beside((place(value) - low) / (high - low) * self._width_px, -11, f"{value:g}")
 
-    def number_along(self, values: Iterable[float], *, right: bool = False) -> None:
+    def number_along(
+        self,
+        values: Iterable[float],
+        place: Callable[[float], float] = float,
+        *,
+        right: bool = False,
+    ) -> None:
         """Write numbers to the left of the panel, or to its right."""
         low, high = self._along
         x_px, side = (self._width_px + 6, "left") if right else (-6, "right")
         for value in values:
-            y_px = (value - low) / (high - low) * self._height_px
+            y_px = (place(value) - low) / (high - low) * self._height_px
             self._beside(x_px, y_px, f"{value:g}", ha=side)
 
     def name_across(self, name: str) -> None:

@@ -48,6 +48,7 @@ def as_picture(snapshot: Snapshot, trail: Integers | None = None) -> npt.NDArray
                 title=title.translate(replaced),
                 duplex=s.duplex,
                 grid_shape=s.grid_shape,
+                edges_m=s.edges_m,
                 num_nodes=s.num_nodes,
                 age_top=max(s.maximum_age, 2.0),
                 energy_top_j=axis_top(s.energies_j, s.energy_yardstick_j),
@@ -63,6 +64,7 @@ class _Frame:
     Attributes:
         title, duplex: names.
         grid_shape: cells along x, y and z.
+        edges_m: edges of a cell along x, y and z.
         num_nodes: how many bars there are.
         age_top: the upper end of the axis of ages in slots, which is none if A_max is 1.
         energy_top_j, yardstick_j: the upper end of the axis of energies, and the full gauge.
@@ -71,6 +73,7 @@ class _Frame:
     title: str
     duplex: str
     grid_shape: tuple[int, int, int]
+    edges_m: tuple[float, float, float]
     num_nodes: int
     age_top: float
     energy_top_j: float
@@ -83,8 +86,8 @@ class _Frame:
     def projections(self, figure: Figure) -> tuple[Projection, Projection]:
         """From above, and from the side."""
         return (
-            Projection(figure, FROM_ABOVE, self.grid_shape, style.MAP),
-            Projection(figure, FROM_THE_SIDE, self.grid_shape, style.PROFILE),
+            Projection(figure, FROM_ABOVE, self.grid_shape, style.MAP, self.edges_m),
+            Projection(figure, FROM_THE_SIDE, self.grid_shape, style.PROFILE, self.edges_m),
         )
 
     def bars(self, figure: Figure) -> tuple[_Bars, _Bars]:

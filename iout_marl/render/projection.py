@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,10 +11,18 @@ import numpy as np
 from iout_marl.render import style
 from iout_marl.render.hull import hull_path
 from iout_marl.render.labels import auv_name
-from iout_marl.render.layout import freest, place_auvs, place_nodes, round_step
+from iout_marl.render.layout import (
+    drawn_edges,
+    freest,
+    place_auvs,
+    place_nodes,
+    round_step,
+    stretched_axes,
+)
 from iout_marl.render.panel import Panel
 from iout_marl.render.scene import Passed, Scene
 from iout_marl.render.snapshot import Floats
+from iout_marl.scenario.spacing import Edges
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,6 +33,11 @@ _NUMBER_SIZES = {1: 0.95, 2: 0.88, 3: 0.62}  # by digits, relative to the node's
 _LEAST_PT = 4.0  # below which a number or letter is left out
 _MOST_TAGS = 12  # AUVs that can carry a label without hiding everything else
 _ASIDE = 0.3  # cells from the first place of a trail to the last, where an AUV has not moved
+
+
+def _drawn(cells: Any, edge: Any) -> Any:
+    """Where the centres of cells are, in the coordinates of a picture."""
+    return (cells - 0.5) * edge + 0.5
 
 
 @dataclass(frozen=True)
@@ -54,13 +68,24 @@ class Projection:
         view: from where it is seen.
         grid_shape: cells along x, y and z.
         box: place and size, of which a grid of another form takes the upper left part.
+        edges_m: edges of a cell along x, y and z. All that is drawn in cells is so in the shortest
+            edge that is seen.
     """
 
     def __init__(
-        self, figure: Figure, view: View, grid_shape: tuple[int, int, int], box: style.Box
+        self,
+        figure: Figure,
+        view: View,
+        grid_shape: tuple[int, int, int],
+        box: style.Box,
+        edges_m: Edges = (1.0, 1.0, 1.0),
     ) -> None:
         self._view, self._seen = view, [view.across, view.along]
-        self._size = size = (grid_shape[view.across], grid_shape[view.along])
+        self._cells = (grid_shape[view.across], grid_shape[view.along])
+        self._edges_m = np.array(edges_m)[self._seen]
+        self._edges = drawn_edges(self._edges_m)
+        columns, rows = (np.array(self._cells) * self._edges).tolist()
+        self._size = size = (columns, rows)
         left, bottom, width_px, height_px = box
         self._cell_px = cell_px = min(width_px / size[0], height_px / size[1], _MOST_CELL_PX)
         grid_px = (size[0] * cell_px, size[1] * cell_px)
@@ -77,17 +102,21 @@ class Projection:
         from matplotlib.patches import Rectangle
 
         panel, (columns, rows) = self._panel, self._size
-        # Lines and numbers at least as far apart as the eye wants them.
-        numbers_every, lines_every = round_step(20 / self._cell_px), round_step(7 / self._cell_px)
-        panel.number_across(range(1, columns + 1, numbers_every))
-        panel.number_along(range(1, rows + 1, numbers_every))
+        lines = []
+        for axis, number in enumerate((panel.number_across, panel.number_along)):
+            count, edge = self._cells[axis], float(self._edges[axis])
+            # Lines and numbers at least as far apart as the eye wants them.
+            edge_px = edge * self._cell_px
+            number(range(1, count + 1, round_step(20 / edge_px)), partial(_drawn, edge=edge))
+            places = np.append(np.arange(0, count, round_step(7 / edge_px)), count) * edge + 0.5
+            far = self._size[1 - axis] + 0.5
+            ends = [((place, 0.5), (place, far)) for place in places]
+            lines += [[end[:: 1 - 2 * axis] for end in line] for line in ends]
         panel.name_across("xyz"[self._view.across])
         panel.name_along("xyz"[self._view.along])
-        panel.title(title)
-        x_lines = np.append(np.arange(0, columns, lines_every), columns) + 0.5
-        y_lines = np.append(np.arange(0, rows, lines_every), rows) + 0.5
-        lines = [[(x, 0.5), (x, rows + 0.5)] for x in x_lines]
-        lines += [[(0.5, y), (columns + 0.5, y)] for y in y_lines]
+        names = "xyz"[self._view.across] + "xyz"[self._view.along]
+        stretched = stretched_axes(self._edges_m, names)
+        panel.title(", ".join(filter(None, [title, stretched])))
         water = Rectangle((0.5, 0.5), columns, rows)
         panel.draw_patches([water], facecolor=style.WATER, linewidth=0, zorder=0.5)
         panel.draw_segments(lines, colors=style.HAIRLINE, linewidths=0.8, zorder=1)
@@ -102,6 +131,8 @@ class Projection:
         node_cells, auv_cells = scene.nodes[:, self._seen], scene.auvs[:, self._seen]
         node_at, node_radius = place_nodes(node_cells, smallest=6 / self._cell_px)
         auv_at, auv_size = place_auvs(auv_cells, node_cells, self._view.up)
+        node_at += _drawn(node_cells, self._edges) - node_cells
+        auv_at += _drawn(auv_cells, self._edges) - auv_cells
         # In a wide grid AUVs are larger than a cell.
         auv_size = auv_size * max(0.92, 22 / self._cell_px)
         if len(scene.path) > 1:
@@ -119,7 +150,7 @@ class Projection:
         Of a whole episode each place lies a little beside the one before: a cell that an AUV comes
         through once more, and a way that it takes once more, are seen.
         """
-        places = scene.path[..., self._seen].astype(np.float64)  # (places, auvs, 2)
+        places = _drawn(scene.path[..., self._seen], self._edges)  # (places, auvs, 2)
         if scene.from_start:
             places += np.linspace(-_ASIDE, 0, len(places))[:, None, None] * (1, self._view.up)
         steps = np.stack([places[:-1], places[1:]], axis=2)  # (slots, auvs, ends, 2)

@@ -13,6 +13,7 @@ from enum import Enum
 import numpy as np
 
 from iout_marl.render.snapshot import Floats, Integers, Snapshot
+from iout_marl.scenario.spacing import Edges
 
 
 class Passed(Enum):
@@ -53,6 +54,7 @@ class Scene:
         charge: (nodes,) share of a full gauge of energy, from 0 to 1; None where it is not shown.
         tags: what stands beside each AUV; empty for nothing.
         from_start: whether the path begins where the episode does.
+        edges_m: edges of a cell along x, y and z.
     """
 
     grid_shape: tuple[int, int, int]
@@ -63,6 +65,7 @@ class Scene:
     charge: Floats | None = None
     tags: tuple[str, ...] = ()
     from_start: bool = True
+    edges_m: Edges = (1.0, 1.0, 1.0)
 
     @classmethod
     def from_snapshot(cls, snapshot: Snapshot, trail: Integers | None = None) -> Scene:
@@ -89,6 +92,7 @@ class Scene:
             charge=np.minimum(snapshot.energies_j / snapshot.energy_yardstick_j, 1.0),
             tags=tuple(depths),
             from_start=False,
+            edges_m=snapshot.edges_m,
         )
 
     @classmethod
@@ -100,6 +104,7 @@ class Scene:
         charged: Sequence[Sequence[int]],
         heard: Sequence[Sequence[int]],
         delivered: Sequence[Sequence[bool]],
+        edges_m: Edges = (1.0, 1.0, 1.0),
     ) -> Scene:
         """The slots of an episode, as `iout_marl.trajectory.Trajectory` records them."""
         links = []
@@ -120,6 +125,7 @@ class Scene:
             nodes=np.array(nodes, dtype=np.int64).reshape(-1, 3),
             path=np.array(path, dtype=np.int64),
             earlier=tuple(links),
+            edges_m=edges_m,
         )
 
     @property

@@ -46,6 +46,7 @@ class Snapshot:
     heard: Integers | None  # (auvs,) node asked for its packet in the last slot
     delivered: Flags | None  # (auvs,) whether the packet arrived
     beta: Floats | None  # (auvs,) TDD's share of the last slot for charging; 0 in FDD
+    edges_m: tuple[float, float, float] = (1.0, 1.0, 1.0)  # m: edges of a cell along x, y and z
 
     @classmethod
     def from_world(
@@ -63,6 +64,7 @@ class Snapshot:
         return cls(
             title=world.scenario.name,
             grid_shape=world.grid.shape,
+            edges_m=world.grid.edges_m,
             slot=int(state.slot[env]),
             num_slots=world.num_slots,
             auv_positions=coordinates[state.cell[env]],

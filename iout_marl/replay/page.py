@@ -17,9 +17,10 @@ from iout_marl.inline import code_for_script, json_for_script
 from iout_marl.render import style
 from iout_marl.render.hull import hull_svg
 from iout_marl.render.labels import energy_text, printable
-from iout_marl.render.layout import place_nodes
+from iout_marl.render.layout import drawn_edges, place_nodes, stretched_axes
 from iout_marl.replay.film import TRAIL_SLOTS
 from iout_marl.replay.recording import Recording
+from iout_marl.scenario.spacing import edges_m, spacing_text
 from iout_marl.words import counted, listed
 
 #: Episodes that a page shows side by side at most.
@@ -84,12 +85,15 @@ def _asset(*path: str) -> str:
 
 def _facts(recording: Recording) -> str:
     """The scenario in one line."""
+    cells = f"{' × '.join(map(str, recording.grid))} cells of {spacing_text(recording.spacing_m)}"
+    if stretched := stretched_axes(edges_m(recording.spacing_m)):
+        cells += f", drawn with {stretched}"
     return " · ".join(
         [
             recording.duplex,
             counted(recording.num_nodes, "node"),
             counted(recording.num_auvs, "AUV"),
-            f"{' × '.join(map(str, recording.grid))} cells of {recording.spacing_m:g} m",
+            cells,
             f"{counted(recording.num_slots, 'slot')} of {recording.slot_s:g} s",
             *([] if recording.seed is None else [f"seed {recording.seed}"]),
             f"scenario {printable(recording.scenario_hash)}",
@@ -138,6 +142,11 @@ def _episode(r: Recording) -> dict[str, Any]:
             "above": _node_places(r, [0, 1]),
             "side": _node_places(r, [0, 2]),
         },
+        "edges": {
+            "above": _drawn_edges(r, [0, 1]),
+            "side": _drawn_edges(r, [0, 2]),
+            "space": _drawn_edges(r, [0, 1, 2]),
+        },
         "path": r.path.ravel().tolist(),
         "stayed": np.where(r.blocked, 2, r.left_grid.astype(int)).ravel().tolist(),
         "charged": r.charged.ravel().tolist(),
@@ -152,10 +161,15 @@ def _episode(r: Recording) -> dict[str, Any]:
 
 
 def _node_places(recording: Recording, axes: list[int]) -> list[list[float]]:
-    """Centre and radius of each node in cells, as seen along an axis."""
-    columns = max(recording.grid[axis] for axis in axes)
-    centres, radii = place_nodes(recording.nodes[:, axes], smallest=0.016 * columns)
+    """Centre of each node in cells and its radius in the shortest edges, as seen along an axis."""
+    sides = np.array(recording.grid)[axes] * _drawn_edges(recording, axes)
+    centres, radii = place_nodes(recording.nodes[:, axes], smallest=0.016 * sides.max())
     return np.column_stack([centres, radii]).round(3).tolist()
+
+
+def _drawn_edges(recording: Recording, axes: list[int]) -> list[float]:
+    """Edges of a cell in a picture that shows these axes."""
+    return drawn_edges([edges_m(recording.spacing_m)[axis] for axis in axes]).tolist()
 
 
 def _short(values: npt.NDArray[np.float64]) -> list[float]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from iout_marl.core.reasons import Reason
 from iout_marl.errors import InputError
+from iout_marl.scenario.spacing import Spacing, shortest_form
 from iout_marl.whole import MAX_SEED, is_number, short
 
 #: What a file says that it is, and how it is laid out: readers of one version read no other.
@@ -45,11 +46,11 @@ ARRAYS = {
 TEXTS = ("scenario", "scenario_hash", "scenario_yaml", "policy", "duplex")
 #: Numbers, with the least that each may be.
 NUMBERS = {
-    **dict.fromkeys(("spacing_m", "slot_s", "maximum_age", "reference_energy_j"), 0.0),
+    **dict.fromkeys(("slot_s", "maximum_age", "reference_energy_j"), 0.0),
     "num_slots": 1,
 }
 _WORDS = {"i": "whole numbers", "b": "true and false", "fi": "numbers"}
-_KEYS = {"format", "version", "seed", "grid", "splits_slot", "reasons"}
+_KEYS = {"format", "version", "seed", "grid", "spacing_m", "splits_slot", "reasons"}
 _KEYS |= {*TEXTS, *NUMBERS, *ARRAYS}
 
 
@@ -90,6 +91,15 @@ class Reader:
         if not is_number(value, least, _LARGEST):
             raise self.fault(name, f"must be a number from {least:g}, not {short(value)}")
         return float(value)
+
+    def spacing(self) -> Spacing:
+        """The edge of a cell, or three."""
+        value = self._data["spacing_m"]
+        edges = value if isinstance(value, list) and len(value) == 3 else [value]
+        if not all(is_number(edge, 0.0, _LARGEST) and edge > 0 for edge in edges):
+            raise self.fault("spacing_m", f"must be a number above 0 or three, not {short(value)}")
+        x, y, z = map(float, edges if len(edges) == 3 else edges * 3)
+        return shortest_form((x, y, z))
 
     def seed(self) -> int | None:
         value = self._data["seed"]

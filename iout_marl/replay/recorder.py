@@ -105,7 +105,7 @@ class Recorder:
             policy=self._policy,
             seed=self._seed,
             grid=world.grid.shape,
-            spacing_m=float(scenario.grid.spacing_m),
+            spacing_m=scenario.grid.spacing_m,
             slot_s=float(scenario.slot_s),
             num_slots=world.num_slots,
             maximum_age=float(scenario.age.maximum),

@@ -14,6 +14,7 @@ from iout_marl.core.reasons import Reason
 from iout_marl.files import read_json, refuse_input, to_json, user_path, write_text
 from iout_marl.render import Snapshot
 from iout_marl.replay.reading import ARRAYS, FORMAT, NUMBERS, TEXTS, VERSION, Reader
+from iout_marl.scenario.spacing import Spacing, edges_m
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -29,7 +30,8 @@ class Recording:
         policy: what the policy is called.
         seed: of the episode; None where it is not known.
         grid: cells along x, y and z.
-        spacing_m, slot_s: edge of a cell in m, length of a slot in s.
+        spacing_m: edge of a cell in m, or its edges along x, y and z.
+        slot_s: length of a slot in s.
         num_slots: slots of a whole episode.
         maximum_age: A_max in slots.
         reference_energy_j: energy of an uplink over half the grid in J.
@@ -56,7 +58,7 @@ class Recording:
     policy: str
     seed: int | None
     grid: tuple[int, int, int]
-    spacing_m: float
+    spacing_m: Spacing
     slot_s: float
     num_slots: int
     maximum_age: float
@@ -124,6 +126,7 @@ class Recording:
         return Snapshot(
             title=self.scenario,
             grid_shape=self.grid,
+            edges_m=edges_m(self.spacing_m),
             slot=place,
             num_slots=self.num_slots,
             auv_positions=self.path[place],
@@ -156,7 +159,7 @@ class Recording:
 
     def to_json(self) -> dict[str, Any]:
         """The episode as JSON has it; `from_json` reads it back."""
-        values = {name: getattr(self, name) for name in (*TEXTS, "seed", *NUMBERS)}
+        values = {name: getattr(self, name) for name in (*TEXTS, "seed", "spacing_m", *NUMBERS)}
         arrays = {name: getattr(self, name).tolist() for name in ARRAYS}
         return {
             "format": FORMAT,
@@ -198,6 +201,7 @@ class Recording:
         sizes["auvs"] = read.width("charged")
         found: dict[str, Any] = {name: read.text(name) for name in TEXTS}
         found |= {name: read.number(name, least) for name, least in NUMBERS.items()}
+        found["spacing_m"] = read.spacing()
         found["num_slots"] = int(found["num_slots"])
         found |= {name: read.array(name, sizes, grid) for name in ARRAYS}
         if sizes["slots"] > found["num_slots"]:

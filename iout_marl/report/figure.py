@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from iout_marl.render.scene import Scene
+from iout_marl.scenario.spacing import edges_m
 from iout_marl.trajectory import Trajectory
 
 
@@ -109,7 +110,8 @@ class TrajectoryPlot:
     def scene(self) -> Scene:
         """The episode as it is drawn."""
         e = self.episode
-        return Scene.from_episode(e.grid, e.nodes, e.path, e.charged, e.heard, e.delivered)
+        rows = (e.nodes, e.path, e.charged, e.heard, e.delivered)
+        return Scene.from_episode(e.grid, *rows, edges_m(e.spacing_m))
 
     def rows(self) -> Iterator[tuple[object, ...]]:
         """The data as a table, its headings first; AUVs and nodes are counted from 1."""

@@ -30,6 +30,7 @@ from iout_marl.report.plot_layout import (
     x_limits,
     y_limits,
 )
+from iout_marl.scenario.spacing import spacing_text
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -217,13 +218,13 @@ def _draw_trajectory(trajectory: TrajectoryPlot) -> matplotlib.figure.Figure:
 
     scene = trajectory.scene()
     canvas = Canvas(figsize=(_WIDTH_IN, 4.4), dpi=style.DPI, facecolor="white")
-    cells = f", in cells of {trajectory.episode.spacing_m:g} m"
+    cells = f", in cells of {spacing_text(trajectory.episode.spacing_m)}"
     colours = np.tile(style.rgba(style.NODE), (len(scene.nodes), 1))
     for view, box, title in (
         (FROM_ABOVE, _MAP, f"From above{cells}"),
         (FROM_THE_SIDE, _PROFILE, "From the side, z downwards"),
     ):
-        projection = Projection(canvas, view, scene.grid_shape, box)
+        projection = Projection(canvas, view, scene.grid_shape, box, scene.edges_m)
         projection.draw_grid(title)
         projection.draw(scene, colours)
     if scene.num_auvs == 1:

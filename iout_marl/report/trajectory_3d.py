@@ -163,11 +163,12 @@ def _ends(scene: Scene) -> list[dict[str, Any]]:
 
 def _layout(scene: Scene) -> dict[str, Any]:
     size = scene.grid_shape
+    sides_m = [cells * edge for cells, edge in zip(size, scene.edges_m, strict=True)]
     space: dict[str, Any] = {
         "aspectmode": "manual",
         # A flat grid keeps some depth.
         "aspectratio": {
-            axis: max(cells / max(size), 0.4) for axis, cells in zip("xyz", size, strict=True)
+            axis: max(side / max(sides_m), 0.4) for axis, side in zip("xyz", sides_m, strict=True)
         },
         "camera": {"eye": {"x": 1.0, "y": -1.25, "z": 0.7}, "center": {"x": 0, "y": 0, "z": -0.2}},
     }

@@ -178,10 +178,15 @@ def _at(data: Any, path: KeyPath) -> Any:
 
 
 def _without_tags(location: tuple[str | int, ...], data: Any) -> KeyPath:
-    """pydantic's location of an error without the kinds that it puts behind a part's key."""
+    """pydantic's location of an error without what it puts behind a key of several forms.
+
+    That is the kind of a part, or a word in parentheses.
+    """
     path: list[str | int] = []
     for key in location:
         if isinstance(data, dict) and key not in data and data.get("kind") == key:
+            continue
+        if isinstance(key, str) and key.startswith("("):
             continue
         path.append(key)
         if isinstance(data, dict):

@@ -233,8 +233,11 @@ class Scenario(Section):
 
     @property
     def slot_s(self) -> float:
-        """τ in s: the time the AUV takes for one cell."""
-        return self.grid.spacing_m / self.auvs.speed_m_per_s
+        """τ in s: the time the AUV takes for one cell along its longest edge.
+
+        So every step along an axis fits into a slot.
+        """
+        return max(self.grid.edges_m) / self.auvs.speed_m_per_s
 
     @property
     def num_slots(self) -> int:

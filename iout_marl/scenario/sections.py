@@ -6,9 +6,9 @@ Sections and keys that name a part have the settings of a registered kind: see `
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from iout_marl.scenario.fields import (
     MAX_AUVS,
@@ -27,6 +27,7 @@ from iout_marl.scenario.fields import (
     invalid,
 )
 from iout_marl.scenario.parts import PartOf, Settings
+from iout_marl.scenario.spacing import Edges, Spacing, SpacingField, edges_m, shortest_form
 
 
 class Origin(Section):
@@ -43,29 +44,46 @@ class Origin(Section):
 
 
 class Grid(Section):
-    """The water, cut into cubic cells."""
+    """The water, cut into cells: cubes, or boxes of three edges."""
 
     #: Cells along x, y and z.
     cells: Annotated[Cell, Plausible(1, 1000, "cells")]
-    #: Edge of a cell in m; one slot is the time the AUV takes for it.
-    spacing_m: Annotated[Positive, Plausible(0.01, 10_000, "m")]
+    #: Edge of a cell; or its edges along x, y and z, of which three equal ones are the same as
+    #: that number. One slot is the time the AUV takes for the longest edge.
+    spacing_m: Annotated[SpacingField, Plausible(0.01, 10_000, "m")]
+    #: Distance between an AUV and a node in the same cell, and between AUVs in it: `zero`, or the
+    #: `mean` distance between two points drawn uniformly in the cell (0.6617 edges of a cube).
+    own_cell_distance: Literal["zero", "mean"] = "zero"
     #: Where the grid lies on Earth, which mission files need; null for nowhere. Not part of the
     #: hash: no result depends on it.
     origin: Origin | None = None
 
+    hash_defaults: ClassVar[dict[str, Any]] = {"own_cell_distance": "zero"}
     not_hashed: ClassVar[frozenset[str]] = frozenset({"origin"})
+
+    @field_validator("spacing_m")
+    @classmethod
+    def _in_one_form(cls, spacing_m: Spacing) -> Spacing:
+        return shortest_form(spacing_m)
+
+    @property
+    def edges_m(self) -> Edges:
+        """The edges of a cell along x, y and z in m."""
+        return edges_m(self.spacing_m)
 
 
 class Auvs(Section):
     """The vehicles."""
 
     #: Cell in which each AUV starts an episode. Where `count` is larger, each further AUV
-    #: starts in the cell farthest from all starts before it (of equals the first in x, y, z).
+    #: starts in the cell farthest, counted in cells, from all starts before it (of equals the
+    #: first in x, y, z).
     start_cells: Annotated[tuple[Cell, ...], Field(min_length=1, max_length=MAX_AUVS, strict=False)]
     #: Number of AUVs; null for one at each start cell. A scenario that lists start cells over
     #: one that counts AUVs means one at each of its own.
     count: Annotated[Count, Field(le=MAX_AUVS), Plausible(1, 100, "AUVs")] | None = None
-    #: Speed of every AUV: with the edge of a cell it gives the length of a slot.
+    #: Speed of every AUV: with the longest edge of a cell it gives the length of a slot, in
+    #: which a step along a shorter edge is made more slowly.
     speed_m_per_s: Annotated[Positive, Plausible(0.001, 30, "m/s")]
     #: The directions that an AUV can take. In a grid of one cell every direction stays.
     motion: Annotated[Settings, PartOf("motion", is_word=True)] = Field(

@@ -6,7 +6,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, Self, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
 from iout_marl import machine
 from iout_marl.evaluation import METRICS
@@ -45,6 +53,12 @@ def _check_setting(value: Any) -> Any:
 
 _Setting: TypeAlias = Annotated[Any, AfterValidator(_check_setting)]
 _Place: TypeAlias = Annotated[list[Counted], Field(min_length=3, max_length=3)]
+#: An edge for each axis; where all are equal, it is written once.
+_Edges: TypeAlias = Annotated[
+    list[Positive],
+    Field(min_length=3, max_length=3),
+    BeforeValidator(lambda value: value if isinstance(value, list) else [value] * 3),
+]
 #: A list for each AUV, for each node.
 _OfEach: TypeAlias = Annotated[list[Whole], Field(min_length=1)]
 
@@ -94,7 +108,7 @@ class _Episode(Saved):
     """What `iout_marl.trajectory.Trajectory` holds, cell by cell and slot by slot."""
 
     grid: _Place
-    spacing_m: Positive
+    spacing_m: _Edges
     nodes: Annotated[list[_Place], Field(min_length=1)]
     path: Annotated[list[Annotated[list[_Place], Field(min_length=1)]], Field(min_length=2)]
     charged: list[_OfEach]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -31,7 +30,7 @@ def place_of_entry(world: World, is_it: Callable[[Settings], bool]) -> int:
 
 def check_placement(part: Placement, scenario: Scenario, seeds: Sequence[int]) -> None:
     """Different cells of the grid, drawn by the seed alone, and as often as it says."""
-    grid = Grid(scenario.grid.cells)
+    grid = Grid.from_scenario(scenario)
     layouts = []
     for seed in [*seeds, *range(DRAWS)]:
         first, second = (part.checked_draw(grid, np.random.default_rng(seed)) for _ in range(2))
@@ -66,7 +65,7 @@ def check_absorption(part: Absorption, _: Scenario, __: Sequence[int]) -> None:
 def check_channel(part: Channel, scenario: Scenario, _: Sequence[int]) -> None:
     """What is lost, and what an uplink takes, does not fall with the distance."""
     duplex = scenario.duplex.part
-    farthest_m = scenario.grid.spacing_m * math.hypot(*scenario.grid.cells)
+    farthest_m = float(Grid.from_scenario(scenario).metres(scenario.grid.cells))
     # Below a metre spreading is not what any of these equations are for.
     metres = np.linspace(1.0, farthest_m, 200)
     hertz = scenario.uplink.bandwidth_hz

@@ -66,7 +66,7 @@ def pin_layout(scenario: Scenario, seed: int) -> Scenario:
     if not draws_layout_once(scenario):
         return scenario
     placement: Placement = scenario.nodes.part
-    drawn = placement.drawn(Grid(scenario.grid.cells), np.random.default_rng(seed)) + 1
+    drawn = placement.drawn(Grid.from_scenario(scenario), np.random.default_rng(seed)) + 1
     pinned = {"kind": "fixed", "cells": drawn.tolist(), "weights": placement.weights}
     nodes = settings_of("placement", pinned)
     return scenario.model_copy(update={"nodes": nodes})

@@ -102,7 +102,7 @@ class World:
         self.measured = registered() if measured is None else tuple(measured)
         self.summed = tuple(metric for metric in self.measured if metric.computed_from == "slot")
         self.backend = backend = Backend.from_library(library, dtype, device)
-        self.grid = Grid(scenario.grid.cells)
+        self.grid = Grid.from_scenario(scenario)
         self.link = Link(scenario, self.grid, backend)
         self.motion = Mover(
             self.grid, scenario.auvs.motion.part.steps, scenario.auvs.separation_cells, backend

@@ -7,9 +7,18 @@ from iout_marl.world import State, World, node_codes
 
 
 def small_world(
-    rng, duplex="fdd", motion="six", nodes=2, slots=5, rule="paper", auvs=1, access="orthogonal"
+    rng,
+    duplex="fdd",
+    motion="six",
+    nodes=2,
+    slots=5,
+    rule="paper",
+    auvs=1,
+    access="orthogonal",
+    *,
+    is_oblong=False,
 ):
-    """A 3 × 3 × 1 grid with wide cells, on which energy binds."""
+    """A 3 × 3 × 1 grid with wide cells, oblong ones perhaps, on which energy binds."""
     cells = rng.permutation([(x, y, 1) for x in (1, 2, 3) for y in (1, 2, 3)])
     spacing_m = float(rng.uniform(100, 450))
     settings = {
@@ -28,6 +37,9 @@ def small_world(
     }
     if duplex == "tdd":
         settings["duplex.beta_rule"] = rule
+    if is_oblong:  # with the slots as they were
+        settings["grid.spacing_m"] = [spacing_m, 0.4 * spacing_m, 0.1 * spacing_m]
+        settings["grid.own_cell_distance"] = "mean"
     return load_scenario(f"paper/k3-{duplex}", settings)
 
 

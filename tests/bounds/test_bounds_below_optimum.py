@@ -28,14 +28,17 @@ CASES = [
     ("tdd", "paper", "hover", 3, 5),
     ("tdd", "stored", "six", 2, 6),
     ("tdd", "stored", "hover", 3, 5),
+    # in oblong cells, of which an AUV is at the mean distance within its own
+    ("fdd", "paper", "hover", 2, 4, True),
+    ("tdd", "stored", "six", 2, 5, True),
 ]
 SEEDS = range(4)
 
 
 def world(case, seed):
-    duplex, rule, motion, nodes, slots = case
+    duplex, rule, motion, nodes, slots, *is_oblong = case
     rng = np.random.default_rng([seed, nodes, slots, duplex == "tdd", rule == "stored"])
-    return small_world(rng, duplex, motion, nodes, slots, rule)
+    return small_world(rng, duplex, motion, nodes, slots, rule, is_oblong=bool(is_oblong))
 
 
 @pytest.fixture(scope="module")

@@ -36,9 +36,21 @@ SCENARIOS = {
     },
     # Slots shorter than the second that autopilots count in.
     "quick": {"auvs": {"motion": "hover"}, "grid.spacing_m": 1.5, "episode.duration_s": 60},
+    # Layers that are dived through at an eighth of the speed.
+    "flat": {
+        "auvs": {"count": 2, "motion": "hover", "speed_m_per_s": 1.6},
+        "grid.spacing_m": [60, 80, 10],
+        "episode.duration_s": 4000,
+    },
     "tdd": {"duplex": {"kind": "tdd", "frequency_khz": 40}, "episode.duration_s": 1000},
 }
-CASES = [("hover", "porto"), ("hover", "antimeridian"), ("quick", "north"), ("tdd", "north")]
+CASES = [
+    ("flat", "porto"),
+    ("hover", "porto"),
+    ("hover", "antimeridian"),
+    ("quick", "north"),
+    ("tdd", "north"),
+]
 
 
 @pytest.fixture(scope="module", params=CASES, ids="-".join)

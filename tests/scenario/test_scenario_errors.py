@@ -193,6 +193,17 @@ LINES = {
         "training.rollout_slots: must give a rollout of 2 samples or more"
     ),
     "episode: {duration_s: 20}": "episode.duration_s: must hold at least one slot of 25 s",
+    "grid: {spacing_m: [100, 20]}": "grid.spacing_m[2]: is missing",
+    "grid: {spacing_m: [1, 2, 3, 4]}": "grid.spacing_m: must list at most 3, not 4",
+    "grid: {spacing_m: [100, 100, 0]}": "grid.spacing_m[2]: must be greater than 0, not 0",
+    "grid: {spacing_m: [100, [1], 3]}": "grid.spacing_m[1]: must be a valid number, not [1]",
+    "grid: {spacing_m: wide}": "grid.spacing_m: must be a valid number, not 'wide'",
+    "grid: {spacing_m: '100'}": "grid.spacing_m: must be a valid number, not '100'; write it with",
+    "grid: {spacing_m: {x: 100}}": "grid.spacing_m: must be a valid number, not {'x': 100}",
+    "grid: {spacing_m: [100, 100, 1e5]}": "grid.spacing_m[2]: 100000 m is implausible: usual are ",
+    "grid: {own_cell_distance: means}": (
+        "grid.own_cell_distance: unknown value 'means'; did you mean 'mean'?"
+    ),
     "grid: {spacing_m: 1e-320}": "grid.spacing_m: must be 0 or of a size from 1e-15 to 1e+15, not",
     "charging: {power_w: 1e300}": "charging.power_w: must be 0 or of a size from 1e-15 to 1e+15, n",
     "reward: {age_weight: -1e20}": "reward.age_weight: must be 0 or of a size from 1e-15 to 1e+15",

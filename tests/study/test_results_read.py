@@ -183,7 +183,7 @@ MISTAKES = {
         "emissions.energy_kwh: must be greater than",
     ),
     "grid of two": ((*EPISODE, "grid"), [3, 2], "episode.grid: List should have at least 3"),
-    "cells of nothing": ((*EPISODE, "spacing_m"), 0, "episode.spacing_m: must be greater than"),
+    "cells of nothing": ((*EPISODE, "spacing_m"), 0, "episode.spacing_m[0]: must be greater than"),
     "node outside": ((*EPISODE, "nodes"), [[1, 1, 1], [9, 1, 1]], "episode.nodes: leaves the grid"),
     "a node too few": ((*EPISODE, "nodes"), [[1, 1, 1]], "episode"),
     "path of nowhere": ((*EPISODE, "path"), [], "episode.path: List should have at least 2"),

@@ -102,7 +102,7 @@ def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> C
         seen["delivery" if event.delivered else "no delivery"] += 1
         seen["left grid"] += event.left_grid
         seen["kept apart"] += event.blocked
-        seen["same cell"] += oracle.squared_cells(auv, event.charged) == 0
+        seen["same cell"] += oracle.auv_cells[auv] == oracle.node_cells[event.charged]
         seen["overserved node"] += event.delivered and oracle.deliveries[event.heard] > fair_share
         if oracle.scenario.duplex.kind == "tdd":
             seen += kind_of_split(oracle, auv)
@@ -136,7 +136,7 @@ def kind_of_encounter(oracle: Oracle, auv: int, other: int) -> Counter[str]:
     seen["shared charging"] += pair[0].charged == pair[1].charged
     if pair[0].heard != pair[1].heard:
         return seen
-    distances = [oracle.squared_cells(i, pair[0].heard) for i in (auv, other)]
+    distances = [oracle.distance_m(i, pair[0].heard) for i in (auv, other)]
     equal = distances[0] == distances[1]
     contested = pair[0].contested and pair[1].contested
     farther = pair[0] if distances[0] > distances[1] else pair[1]

@@ -35,6 +35,10 @@ SMALL_GRID = {
     "auvs.start_cells": [[2, 2, 1]],
     "age.maximum": 12,
 }
+#: Flat cells in which three layers are as far apart as two neighbours, and none is a cube's.
+FLAT_CELLS = {"grid.spacing_m": [90, 120, 30], "auvs.speed_m_per_s": 4.8}
+#: Tall ones, whose own cells are wide.
+TALL_CELLS = {"grid.spacing_m": [60, 70, 150], "grid.own_cell_distance": "mean"}
 RANDOM_NODES = {"nodes": {"kind": "random", "count": 4}, "observation.node_positions": True}
 #: Packets whose price rises steeply as the time for them shrinks.
 LARGE_PACKETS = {"uplink.packet_bits": 30000, "charging.power_w": 60000}
@@ -238,6 +242,32 @@ CASES = {
         "paper/k3-tdd",
         TDD | SHARED | {"same cell", "nearest AUV silent"},
         {**SMALL_GRID, "auvs.start_cells": [[2, 2, 1], [1, 2, 1]]},
+    ),
+    "flat-cells-fdd": Case("paper/k5-fdd", FDD | SHARED, {**FLAT_CELLS, **THREE_AUVS}),
+    "flat-cells-of-mean-distance": Case(
+        "paper/k3-tdd",
+        TDD | SHARED | {"same cell"},
+        {
+            **SMALL_GRID,
+            **FLAT_CELLS,
+            "grid.own_cell_distance": "mean",
+            "observation.kind": "scaled",
+            "auvs.start_cells": [[2, 2, 1], [1, 2, 1]],
+        },
+    ),
+    "tall-cells-interference": Case(
+        "best/k5-tdd",
+        TDD | DISTURBED | SHARED - {"kept apart"},
+        {
+            **TALL_CELLS,
+            "channel.access": "interference",
+            "auvs.separation_cells": 0,
+            "observation.view_range_m": 200,
+            **THREE_AUVS,
+        },
+    ),
+    "sonar-of-mean-distance": Case(
+        "paper/k3-fdd", FDD, {**SONAR, "grid.own_cell_distance": "mean"}
     ),
     "low-maximum-age": Case("paper/k5-fdd", FDD, {"age.maximum": 4, "age.initial": 2}),
     "other-bounds-of-beta": Case(

@@ -13,13 +13,13 @@ from iout_marl.mission.legs import METRE_DIGITS, SPEED_DIGITS, Leg, local_legs
 from iout_marl.mission.mission import Mission
 from iout_marl.mission.route import Route
 
-#: How near to a waypoint it counts as reached, as a part of the edge of a cell.
+#: How near to a waypoint it counts as reached, as a part of the shortest edge of a cell.
 _CAPTURE = 0.05
 _LEG = "MISSION_LEG"
 
 
 def _text(mission: Mission, route: Route) -> str:
-    capture_m = _CAPTURE * mission.place.spacing_m
+    capture_m = _CAPTURE * float(mission.place.edges_m.min())
     origin = mission.place.origin
     where = (
         f"LatOrigin = {origin.latitude_deg!r}, LongOrigin = {origin.longitude_deg!r}"

@@ -92,7 +92,7 @@ class Channel(Part):
         watts = self.as_uplink_w(1.0)
         if not is_number(watts, 0):
             raise self.fault(f"as_uplink_w(1.0) must be a number from 0, not {watts!r}")
-        distance_m = np.array([0.0, 1.0, 2.0]) * scenario.grid.spacing_m
+        distance_m = np.array([0.0, 1.0, 2.0]) * max(scenario.grid.edges_m)
         khz, hertz = scenario.duplex.part.uplink_frequency_khz, scenario.uplink.bandwidth_hz
         with np.errstate(all="ignore"):
             for name, values in {

@@ -56,7 +56,7 @@ class OtherAuvs(Entry):
 
 def _nearness(grid: Grid) -> npt.NDArray[np.int64]:
     """By code difference + origin: its rank among all, the shortest first, 0 for none."""
-    order = np.argsort(grid.offset_distances(), kind="stable")
+    order = np.argsort(grid.offset_distances_m(), kind="stable")
     # Differences that no two cells have are 0 long as well; the origin comes before them.
     order = np.concatenate([[grid.offset_origin], order[order != grid.offset_origin]])
     rank = np.empty_like(order)

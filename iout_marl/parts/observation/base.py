@@ -7,13 +7,13 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from iout_marl.core.grid import Grid
 from iout_marl.core.limits import FARTHEST_M, UPLINK_W, bounded, unheard
 from iout_marl.core.link import Link
 from iout_marl.core.ranges import Ranges
 from iout_marl.parts.base import Context, Part
 from iout_marl.physics.arrays import Array, lookup, reverse_axes
 from iout_marl.registry import Registry
-from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import Plausible, Positive
 from iout_marl.scenario.parts import PartOf
 from iout_marl.scenario.parts import Settings as PartSettings
@@ -60,7 +60,7 @@ class Representation(Part):
     def setup(self, world: Context) -> None:
         super().setup(world)
         scenario, grid, link, backend = world.scenario, world.grid, world.link, world.backend
-        self.reference_energy_j = _reference_energy_j(scenario, link)
+        self.reference_energy_j = _reference_energy_j(grid, link)
         self._num_nodes, self._num_slots = scenario.num_nodes, scenario.num_slots
         #: x, y and z by code, one after the other; where each begins, to go with the cells
         #: of AUVs and nodes, or of pairs of AUVs.
@@ -136,10 +136,10 @@ class Representation(Part):
 representations: Registry[type[Representation]] = Registry("observation", Representation)
 
 
-def _reference_energy_j(scenario: Scenario, link: Link) -> float:
+def _reference_energy_j(grid: Grid, link: Link) -> float:
     """Energy of an uplink over half the grid's diagonal: the yardstick for stored energy."""
-    half_diagonal = 0.5 * scenario.grid.spacing_m * np.linalg.norm(scenario.grid.cells)
-    power_per_snr_w = link.budget.power_per_snr_w(min(float(half_diagonal), FARTHEST_M))
+    half_diagonal_m = 0.5 * float(grid.metres(grid.shape))
+    power_per_snr_w = link.budget.power_per_snr_w(min(half_diagonal_m, FARTHEST_M))
     reference_energy_j = unheard(link.budget.required_energy_j)(power_per_snr_w, link.slot_s)
     # Divisors must be no less than numbers are, nor more.
     return float(bounded(reference_energy_j, *UPLINK_W))

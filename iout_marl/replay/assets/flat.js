@@ -26,14 +26,17 @@ class Flat {
    * @param episode what is shown.
    * @param axes the grid's axes to the right and up (or down) the picture.
    * @param up whether the second one grows upwards.
-   * @param places centres and radii of the nodes in cells.
+   * @param view what the episode calls it, where it says places of nodes and edges of cells.
    * @param name what the picture is called.
    */
-  constructor(host, episode, axes, up, places, name, pick) {
-    Object.assign(this, { episode, axes, up, places });
+  constructor(host, episode, axes, up, view, name, pick) {
+    Object.assign(this, { episode, axes, up, places: episode.places[view] });
+    const edges = episode.edges[view];
     const [columns, rows] = axes.map((axis) => episode.grid[axis]);
-    this.px = 400 / Math.max(columns, 6); // units of a cell
-    const width = columns * this.px, height = rows * this.px;
+    this.px = 400 / Math.max(columns * edges[0], 6); // units of the shorter edge of a cell
+    this.across = edges[0] * this.px;
+    this.along = edges[1] * this.px;
+    const width = columns * this.across, height = rows * this.along;
     this.height = height;
     const left = 26, below = 22;
     this.root = svg("svg", {
@@ -51,22 +54,22 @@ class Flat {
   }
 
   drawAxes(columns, rows, width, height) {
-    const every = stepFrom(9 / this.px), numbered = stepFrom(30 / this.px);
+    const { across, along } = this;
     let way = "";
-    for (let i = 0; i <= columns; i += every) way += `M${i * this.px} 0V${height}`;
-    for (let i = 0; i <= rows; i += every) way += `M0 ${i * this.px}H${width}`;
+    for (let i = 0; i <= columns; i += stepFrom(9 / across)) way += `M${i * across} 0V${height}`;
+    for (let i = 0; i <= rows; i += stepFrom(9 / along)) way += `M0 ${i * along}H${width}`;
     this.root.append(svg("path", { d: way, class: "grid" }));
     const text = (x, y, words, anchor) =>
       this.root.append(svg("text", { x, y, "text-anchor": anchor, class: "axis" }, words));
-    for (let i = 1; i <= columns; i += numbered) text((i - 0.5) * this.px, height + 15, i, "middle");
-    for (let i = 1; i <= rows; i += numbered) text(-7, this.y(i) + 4, i, "end");
+    for (let i = 1; i <= columns; i += stepFrom(30 / across)) text(this.x(i), height + 15, i, "middle");
+    for (let i = 1; i <= rows; i += stepFrom(30 / along)) text(-7, this.y(i) + 4, i, "end");
     text(width - 2, height + 15, "xyz"[this.axes[0]], "end");
     const end = this.up ? 10 : height - 2;
     this.root.append(svg("text", { x: -18, y: end, class: "axis" }, "xyz"[this.axes[1]]));
   }
 
-  x = (cells) => (cells - 0.5) * this.px;
-  y = (cells) => (this.up ? this.height - (cells - 0.5) * this.px : (cells - 0.5) * this.px);
+  x = (cells) => (cells - 0.5) * this.across;
+  y = (cells) => (this.up ? this.height - (cells - 0.5) * this.along : (cells - 0.5) * this.along);
 
   addNode(index, pick) {
     const [x, y, radius] = this.places[index], size = radius * this.px;

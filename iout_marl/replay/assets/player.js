@@ -80,8 +80,8 @@ class Panel {
     const grid = episode.grid.join(" × ");
     const who = `${episode.policy}: the grid of ${grid} cells`;
     this.flats = [
-      new Flat(above, episode, [0, 1], true, episode.places.above, `${who} from above`, choose),
-      new Flat(side, episode, [0, 2], false, episode.places.side, `${who} from the side`, choose),
+      new Flat(above, episode, [0, 1], true, "above", `${who} from above`, choose),
+      new Flat(side, episode, [0, 2], false, "side", `${who} from the side`, choose),
     ];
     this.addSpace(find(".space", section), who);
     this.tally();

@@ -47,7 +47,10 @@ class Space {
   constructor(host, episode, pick) {
     this.host = host;
     this.episode = episode;
-    this.unit = SPAN / Math.max(...episode.grid);
+    const drawn = episode.grid.map((cells, axis) => cells * episode.edges.space[axis]);
+    this.unit = SPAN / Math.max(...drawn); // of the shortest edge of a cell
+    this.edges = episode.edges.space.map((edge) => edge * this.unit);
+    this.size = drawn.map((side) => side * this.unit);
     // Nodes of a wide grid are larger than a cell, lest they vanish.
     const crowd = Math.min(Math.max(Math.sqrt(16 / episode.nodes.length), 0.6), 1);
     this.radius = Math.max(0.3 * this.unit, 0.17) * crowd;
@@ -99,9 +102,9 @@ class Space {
 
   /** Where the middle of a cell is, cells counted from 1. */
   at([x, y, z]) {
-    const [nx, ny, nz] = this.episode.grid, unit = this.unit;
+    const [nx, ny, nz] = this.episode.grid, [ex, ey, ez] = this.edges;
     return new THREE.Vector3(
-      (x - (nx + 1) / 2) * unit, ((nz + 1) / 2 - z) * unit, ((ny + 1) / 2 - y) * unit
+      (x - (nx + 1) / 2) * ex, ((nz + 1) / 2 - z) * ez, ((ny + 1) / 2 - y) * ey
     );
   }
 
@@ -121,8 +124,8 @@ class Space {
   }
 
   buildWater() {
-    const [nx, ny, nz] = this.episode.grid, unit = this.unit, theme = this.theme;
-    const [w, h, d] = [nx * unit, nz * unit, ny * unit];
+    const [nx, ny] = this.episode.grid, [ex, ey] = this.edges, theme = this.theme;
+    const [w, d, h] = this.size;
     const plane = (colour, opacity, y) => {
       const material = new THREE.MeshBasicMaterial({
         color: colour, transparent: opacity < 1, opacity, side: THREE.DoubleSide, depthWrite: false,
@@ -139,10 +142,10 @@ class Space {
     const line = (...ends) => points.push(...ends);
     const every = Math.ceil(Math.max(nx, ny) / 20);
     for (let x = 0; x <= nx; x += every) {
-      line(x * unit - w / 2, -h / 2, -d / 2, x * unit - w / 2, -h / 2, d / 2);
+      line(x * ex - w / 2, -h / 2, -d / 2, x * ex - w / 2, -h / 2, d / 2);
     }
     for (let y = 0; y <= ny; y += every) {
-      line(-w / 2, -h / 2, d / 2 - y * unit, w / 2, -h / 2, d / 2 - y * unit);
+      line(-w / 2, -h / 2, d / 2 - y * ey, w / 2, -h / 2, d / 2 - y * ey);
     }
     for (const x of [-w / 2, w / 2]) {
       for (const z of [-d / 2, d / 2]) line(x, -h / 2, z, x, h / 2, z);
@@ -190,7 +193,7 @@ class Space {
     label.position.set(-0.4 * radius, 1.9 * radius, 0);
     group.add(label);
     // What floats above the floor is moored to it.
-    const floor = -(this.episode.grid[2] * this.unit) / 2 - at.y;
+    const floor = -this.size[2] / 2 - at.y;
     this.addLine(group, [0, 0, 0, 0, floor, 0], theme.lines);
     scene.add(group);
     return { group, ball, halo, bar, height, colour };
@@ -280,7 +283,7 @@ class Space {
       const east = to[0] - from[0], north = to[1] - from[1];
       if (east || north) auv.heading = Math.atan2(north, east);
       auv.body.rotation.y = auv.heading;
-      auv.drop.scale.y = Math.max(at.y + (episode.grid[2] * this.unit) / 2, 1e-3);
+      auv.drop.scale.y = Math.max(at.y + this.size[2] / 2, 1e-3);
       this.addTrail(i, at, place);
     });
     if (place && share > CHARGE_FROM) this.addLinks(place - 1, share);
@@ -360,7 +363,7 @@ class Space {
 
   /** Look at the whole grid from the right front, or as it was turned to. */
   look(direction = new THREE.Vector3(0.5, 0.5, 1)) {
-    const { camera, controls } = this, size = this.episode.grid.map((n) => (n * this.unit) / 2);
+    const { camera, controls } = this, size = this.size.map((side) => side / 2);
     const corners = [-1, 1].flatMap((x) => [-1, 1].flatMap((y) => [-1, 1].map((z) =>
       new THREE.Vector3(x * (size[0] + 0.3), y * (size[2] + 0.35), z * (size[1] + 0.35)))));
     const away = direction.clone().normalize(), target = new THREE.Vector3();
