@@ -12,10 +12,11 @@
 | Observation space | `Box(3 + 2K + 3(M − 1))`, float32, finite bounds |
 | State space | `Box(3M + 6K + 1)`, float32, finite bounds |
 
-Sensor nodes without batteries lie in a grid of cells of water. In every slot an AUV
-moves one cell, charges one node by acoustic energy transfer and asks one node for its
-packet, which the node sends if the energy it has stored pays for it. The task is to keep
-the data fresh (Age of Information), and to leave no node out (Jain's fairness).
+Sensor nodes without batteries lie in a grid of cells of water (`grid.spacing_m`: cubes, or
+boxes of three edges; a slot is the time for the longest). In every slot an AUV moves one
+cell, charges one node by acoustic energy transfer and asks one node for its packet, which
+the node sends if the energy it has stored pays for it. The task is to keep the data fresh
+(Age of Information), and to leave no node out (Jain's fairness).
 
 **Actions**: direction (+x, −x, +y, −y, +z, −z), node to charge, node to hear; in TDD one
 node for both; with `auvs.motion: hover` a seventh direction stays. Useless choices are

@@ -26,9 +26,10 @@ def draw_settings(rng: np.random.Generator) -> tuple[str, Settings]:
     num_nodes = int(min(rng.integers(1, 11), room))
     slots = int(rng.integers(5, 41))
     spacing_m, speed = one_of(1.0, 20.0, 100.0, 400.0), one_of(1.0, 4.0)
+    shorter = [spacing_m * one_of(0.2, 0.7, 1.0) for _ in range(2)]
     cells = np.stack(np.unravel_index(rng.permutation(room), grid), axis=-1) + 1
     settings: Settings = {
-        "grid": {"cells": grid, "spacing_m": spacing_m},
+        "grid": {"cells": grid, "spacing_m": one_of(spacing_m, [spacing_m, *shorter])},
         "episode.duration_s": slots * spacing_m / speed,
         "auvs": {
             "start_cells": cells[: int(rng.integers(1, num_auvs + 1))].tolist(),

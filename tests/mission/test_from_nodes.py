@@ -93,6 +93,25 @@ def test_what_lies_in_one_cell_is_said(iout):
     assert "note" not in iout(*words)[1]
 
 
+def test_nodes_snap_to_cells_that_are_no_cubes(iout, refused):
+    places = on_earth()
+    Path("n.csv").write_text(as_csv(places))
+    words = ("scenario", "from-nodes", "n.csv", "--out", "mine")
+    flat = ("--set", "grid.spacing_m=[100,60,10]", "--set", "grid.own_cell_distance=mean")
+    status, _, err = iout(*words, *flat)
+    assert (status, err) == (0, "")
+    made = load_scenario("mine")
+    assert made.grid.edges_m == (100, 60, 10)
+    assert made.grid.own_cell_distance == "mean"
+    assert made.grid.cells == (7, 8, 14)
+    place = Place(made.grid)
+    away = place.local(made.nodes.cells) - place.from_geodetic(places)
+    assert (np.abs(away) <= np.array([50, 30, 5]) + 0.001).all()
+    origin = f"grid.origin={{latitude_deg: {LATITUDE}, longitude_deg: {LONGITUDE}}}"
+    again = refused(*words[:-1], "again", *flat, "--set", origin)
+    assert "of 10×10×4 cells of 100 × 60 × 10 m; " in again
+
+
 def test_a_grid_that_has_a_place_keeps_it(iout, refused):
     Path("n.csv").write_text(as_csv(on_earth()))
     origin = (

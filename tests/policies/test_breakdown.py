@@ -10,13 +10,15 @@ from iout_marl.breakdown import AUV_COLUMNS, NODE_COLUMNS
 from iout_marl.evaluation import play
 from iout_marl.policies import make_baseline
 
+FLAT = {"grid.spacing_m": [90, 120, 30], "grid.own_cell_distance": "mean", "auvs.motion": "hover"}
 SCENARIOS = ["paper/k5-fdd", "best/k5-tdd", "multi/m3-k10-fdd"]
 
 
-@pytest.mark.parametrize("scenario", SCENARIOS)
+@pytest.mark.parametrize("scenario", [*SCENARIOS, "flat cells"])
 def test_columns_are_sums_over_the_slots_of_each_episode(scenario):
-    found = evaluate(scenario, "random-walk", 4, 7, breakdown=True).breakdown
-    loaded = load_scenario(scenario)
+    changed = ("paper/k5-fdd", FLAT) if scenario == "flat cells" else (scenario, None)
+    loaded = load_scenario(*changed)
+    found = evaluate(loaded, "random-walk", 4, 7, breakdown=True).breakdown
     world = World(loaded, 4)
     nodes, auvs = (4, world.num_nodes), (4, world.num_auvs)
     ages, peak = np.zeros(nodes), np.zeros(nodes)
@@ -28,8 +30,9 @@ def test_columns_are_sums_over_the_slots_of_each_episode(scenario):
         if events is not None:
             ages += state.age
             peak = np.maximum(peak, state.age)
-            step = np.linalg.norm(cells[state.cell] - cells[before], axis=-1)
-            way += step * loaded.grid.spacing_m
+            steps = (cells[state.cell] - cells[before]) * np.array(loaded.grid.spacing_m)
+            step = np.linalg.norm(steps, axis=-1)
+            way += step
             moves += step > 0
             for e, m in np.ndindex(*auvs):
                 harvested[e, events.charged[e, m]] += events.harvested_j[e, m]

@@ -42,6 +42,7 @@ SITUATIONS = {
     "40-nodes": ("paper/k10-fdd", RANDOM_NODES, 9),
     "crowd": ("paper/k10-fdd", CROWD, 9),
     "one-cell": ("paper/k3-tdd", ONE_CELL, 3),
+    "flat-cells": ("paper/k10-fdd", {"grid.spacing_m": [60, 100, 5]}, 9),
     "sonar": ("paper/k10-fdd", {"channel.kind": "sonar"}, 9),
 }
 some_situation = pytest.mark.parametrize("name", SITUATIONS)
@@ -357,6 +358,34 @@ def test_steps_are_round():
 
 
 @pytest.mark.slow
+def test_cells_are_drawn_in_proportion():
+    """A wide cell is as much wider in the picture; one of cubes is drawn as it always was."""
+    from matplotlib.figure import Figure
+
+    def drawn(edges_m, shape=(6, 4, 2)):
+        figure = Figure(figsize=(4, 4), dpi=100)
+        projection = Projection(figure, FROM_ABOVE, shape, (20, 20, 300, 300), edges_m)
+        projection.draw_grid()
+        (water,) = [a for a in figure.artists if hasattr(a, "get_facecolor") and not lines(a)]
+        transform = water.get_transform()
+        (box,) = [path.get_extents(transform) for path in water.get_paths()]
+        found = next(lines(artist) for artist in figure.artists if lines(artist))
+        return round(box.width / box.height, 6), found
+
+    def lines(artist):
+        return [line.tolist() for line in getattr(artist, "get_segments", list)()]
+
+    assert drawn((10.0, 10.0, 1.0))[0] == 1.5
+    assert drawn((20.0, 10.0, 1.0))[0] == 3
+    assert drawn((10.0, 20.0, 1.0))[0] == 0.75
+    assert drawn((500.0, 10.0, 1.0))[0] == 4.5  # no more than three to one
+    cubes = [[[x, 0.5], [x, 4.5]] for x in np.arange(7) + 0.5]
+    cubes += [[[0.5, y], [6.5, y]] for y in np.arange(5) + 0.5]
+    assert drawn((7.0, 7.0, 7.0))[1] == cubes
+    wide = drawn((20.0, 10.0, 1.0))[1]
+    assert wide[:7] == [[[2 * x + 0.5, 0.5], [2 * x + 0.5, 4.5]] for x in range(7)]
+
+
 def test_pictures_do_not_depend_on_those_before_them(fdd_picture):
     """What stays from one picture to the next is kept."""
     others = ["tdd", "one-cell", "40-nodes", "fdd"]

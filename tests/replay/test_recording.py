@@ -85,6 +85,17 @@ def test_json_brings_it_back(tmp_path, data):
     assert scenario.hash == found.scenario_hash == iout_marl.load_scenario("multi/m2-k10-fdd").hash
 
 
+def test_cells_that_are_no_cubes_are_brought_back(tmp_path):
+    flat = {"grid.spacing_m": [90, 120, 30], "episode.duration_s": 600}
+    recording = record_policy("paper/k3-fdd", "greedy", overrides=flat)
+    recording.save(tmp_path / "episode.json")
+    found = Recording.load(tmp_path / "episode.json")
+    assert found.spacing_m == recording.spacing_m == (90, 120, 30)
+    assert found.snapshot(0).edges_m == (90, 120, 30)
+    trajectory = Trajectory.from_recording(found)
+    assert Trajectory(**json.loads(json.dumps(trajectory.to_json()))) == trajectory
+
+
 def test_trajectory_is_a_part_of_it():
     found = iout_marl.record_episode("best/k5-tdd", "greedy")
     recording = record_policy("best/k5-tdd", "greedy")
@@ -171,6 +182,7 @@ FAULTS = {
     "grid": ([10, 10], "grid must be three numbers of cells, not [10, 10]"),
     "grid.1": (0, "grid must be three numbers of cells, not [10, 0, 4]"),
     "splits_slot": (1, "splits_slot must be true or false, not 1"),
+    "spacing_m": ([100, 20], "spacing_m must be a number above 0 or three, not [100, 20]"),
     "slot_s": ("20", "slot_s must be a number from 0, not '20'"),
     "num_slots": (20, "charged must have at most 20 slots"),
     "reasons": ([["lost"]], "reasons must be pairs of code and text, not [['lost']]"),

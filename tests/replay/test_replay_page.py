@@ -45,6 +45,15 @@ def test_page_holds_the_episode(recording):
     assert episode["outcome"] == recording.outcome.ravel().tolist()
 
 
+def test_cells_are_drawn_in_proportion_as_far_as_layers_can_be_seen(recording):
+    page = data_of(render_page([replace(recording, spacing_m=(100.0, 150.0, 10.0))]))
+    assert page["episodes"][0]["edges"] == {"above": [1, 1.5], "side": [3, 1], "space": [3, 3, 1]}
+    assert "cells of 100 × 150 × 10 m, drawn with x × 1.5, z × 5 · " in page["facts"]
+    page = data_of(render_page([recording]))
+    assert page["episodes"][0]["edges"] == {"above": [1, 1], "side": [1, 1], "space": [1, 1, 1]}
+    assert "cells of 100 m · " in page["facts"]
+
+
 def test_texts_of_users_are_texts(recording):
     evil = "</script><img src=x onerror=alert(1)>\u202e\n"
     page = render_page(

@@ -13,6 +13,7 @@ from report_sample import TRAJECTORY
 
 from iout_marl.render import style
 from iout_marl.render.scene import Link, Passed
+from iout_marl.report import matplotlib_writer
 from iout_marl.report.build import build_report
 from iout_marl.report.document import to_csv
 from iout_marl.report.figure import TrajectoryPlot
@@ -61,6 +62,15 @@ def test_every_auv_of_a_team_has_a_path_of_its_colour():
     assert lost["x"][:2] == [2, 1]
     assert "AUV A, cell 2, 2, 1" in lost["text"][0]
     assert layout(TEAM_FIGURE)["scene"]["zaxis"]["range"] == [3.5, 0.5]
+
+
+def test_a_space_of_flat_cells_has_its_proportions_but_keeps_some_depth():
+    flat = replace(TEAM_FIGURE, episode=replace(TEAM, spacing_m=[100.0, 60.0, 10.0]))
+    ratio = layout(flat)["scene"]["aspectratio"]
+    assert ratio == {"x": 1, "y": pytest.approx(0.5), "z": 0.4}
+    titles = [text.get_text() for text in matplotlib_writer._draw_trajectory(flat).texts]
+    assert "From above, in cells of 100 × 60 × 10 m" in titles
+    assert "From the side, z downwards, z × 3.3" in titles
 
 
 def test_rows_have_every_slot_of_every_auv():

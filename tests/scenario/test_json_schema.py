@@ -141,6 +141,7 @@ RIGHT = {
     },
     "a list of entries": {"observation": {"entries": ["time", {"kind": "ages"}]}},
     "null": {"observation": {"view_range_m": None}, "auvs": {"count": None}},
+    "three edges of a cell": {"grid": {"spacing_m": [90, 120.5, 30]}},
     "1e6 for a whole number": {"training": {"steps": 1e6}},
     "what is implausible": {
         "allow_implausible": ["charging.power_w"],
@@ -163,6 +164,9 @@ WRONG = {
     "above the range": {"charging": {"efficiency": 1.5}},
     "no whole number": {"age": {"maximum": 2.5}},
     "two numbers for a cell": {"grid": {"cells": [10, 10]}},
+    "two edges of a cell": {"grid": {"spacing_m": [100, 20]}},
+    "four edges of a cell": {"grid": {"spacing_m": [1, 2, 3, 4]}},
+    "an edge of nothing": {"grid": {"spacing_m": [100, 100, 0]}},
     "four numbers for a cell": {"nodes": {"kind": "fixed", "cells": [[1, 2, 3, 4]]}},
     "empty list": {"auvs": {"start_cells": []}},
     "key without a range": {"allow_implausible": ["fairness.minimum_jain"]},

@@ -17,7 +17,10 @@ Steps: TypeAlias = Sequence[tuple[int, int, int]]
 
 
 class Motion(Part):
-    """Which cells an AUV can reach within a slot.
+    """Which cells an AUV can reach within a slot, whatever the edges of a cell are.
+
+    A slot is the time for the longest edge at `auvs.speed_m_per_s`: along others an AUV is slower,
+    across several at once it is faster.
 
     Attributes:
         steps: of each direction, the cells that it leads along x, y and z.
