@@ -102,3 +102,15 @@ def test_where_energy_never_binds_whoever_is_charged_and_heard_delivers(
         delivered.append(events.delivered)
     assert (energy_outlook(scenario) or "").startswith("energy can never bind") == never_binds
     assert np.all(delivered) == never_binds
+
+
+@pytest.mark.parametrize("own", ["zero", "mean"])
+def test_the_next_cell_is_the_nearest_one_of_cells_that_are_no_cubes(own):
+    key = "duplex.uplink_frequency_khz"
+    changes = {"grid.spacing_m": [120, 90, 80], "grid.own_cell_distance": own}
+    line = outlook(**changes, **{key: HERTZ[key]})
+    if own == "zero":
+        assert line.startswith("a node can be heard from its own cell alone: from the next one ")
+        assert "over 80 m sound of 30000 kHz" in line
+    else:  # nor from there, 64 m away on average
+        assert line.startswith("nothing can ever be delivered: ")

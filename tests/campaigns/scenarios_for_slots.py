@@ -30,6 +30,7 @@ def draw_settings(rng: np.random.Generator) -> tuple[str, Settings]:
     cells = np.stack(np.unravel_index(rng.permutation(room), grid), axis=-1) + 1
     settings: Settings = {
         "grid": {"cells": grid, "spacing_m": one_of(spacing_m, [spacing_m, *shorter])},
+        "grid.own_cell_distance": one_of("zero", "mean"),
         "episode.duration_s": slots * spacing_m / speed,
         "auvs": {
             "start_cells": cells[: int(rng.integers(1, num_auvs + 1))].tolist(),

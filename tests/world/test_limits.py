@@ -25,6 +25,14 @@ HELD = {
     "megahertz by the million": ("tdd", {"duplex.frequency_khz": 1e15}),
     "a wide sea": ("fdd", {"grid.spacing_m": 1e6, "episode.duration_s": 2.5e7}),
     "a wide sea in TDD": ("tdd", {"grid.spacing_m": 1e6, "episode.duration_s": 2.5e7}),
+    "cells like needles": (
+        "fdd",
+        {
+            "grid.spacing_m": [1e-6, 1e6, 3],
+            "grid.own_cell_distance": "mean",
+            "episode.duration_s": 2.5e7,
+        },
+    ),
     "a directivity of 300 dB": (
         "fdd",
         SONAR | TEAM | {"channel.uplink_directivity_index_db": 300.0},
