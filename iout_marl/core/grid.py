@@ -7,12 +7,16 @@ depends on where two cells lie to one another (distance, attenuation, …).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from iout_marl.scenario import Scenario
+
+Floats: TypeAlias = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -68,40 +72,48 @@ class Grid:
         table[self.encode(cells)] = cells
         return table
 
-    def lengths(self, steps: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def lengths(self, steps: npt.ArrayLike) -> Floats:
         """Lengths of (…, 3) differences in cells, as multiples of the shortest edge: (…).
 
         In cubic cells they are those in cells, whatever the edge, to the last bit.
         """
-        relative = np.asarray(self.edges_m) / min(self.edges_m)
-        lengths: npt.NDArray[np.float64] = np.linalg.norm(np.asarray(steps) * relative, axis=-1)
+        lengths: Floats = np.linalg.norm(np.asarray(steps) * self._relative_edges, axis=-1)
         return lengths
 
-    def metres(self, steps: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def metres(self, steps: npt.ArrayLike) -> Floats:
         """Lengths of (…, 3) differences in cells, in m: (…)."""
         return self.lengths(steps) * min(self.edges_m)
 
-    def offset_distances(self) -> npt.NDArray[np.float64]:
+    def offset_distances(self) -> Floats:
         """Euclidean distance in cells by code difference + `offset_origin`."""
-        places, steps = self._offsets()
-        table = np.zeros(2 * self.num_codes - 1)
-        table[places] = np.sqrt((steps**2).sum(-1))
-        return table
+        return self._by_offset(np.ones(3))
 
-    def offset_distances_m(self, own_cell_m: float = 0.0) -> npt.NDArray[np.float64]:
+    def offset_distances_m(self, own_cell_m: float = 0.0) -> Floats:
         """Distance between centres of cells in m by code difference + `offset_origin`.
 
         Args:
             own_cell_m: what counts as the distance within one cell, and stands where no two
                 cells have that difference.
         """
-        places, steps = self._offsets()
-        table = np.full(2 * self.num_codes - 1, own_cell_m)
-        table[places] = np.where(steps.any(-1), self.metres(steps), own_cell_m)
+        table = self._by_offset(self._relative_edges) * min(self.edges_m)
+        table[table == 0] = own_cell_m
         return table
 
-    def _offsets(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Of all differences between cells: indices into such a table, and (…, 3) steps."""
-        axes = [np.arange(1 - n, n) for n in self.shape]
-        steps = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        return self.encode(steps) + self.offset_origin, steps
+    @property
+    def _relative_edges(self) -> Floats:
+        return np.asarray(self.edges_m) / min(self.edges_m)
+
+    def _by_offset(self, edges: Floats) -> Floats:
+        """Lengths by code difference + `offset_origin`; 0 where no two cells have that one."""
+        steps = [np.arange(1 - n, n) for n in self.shape]
+        codes = [axis * stride for axis, stride in zip(steps, self.strides, strict=True)]
+        squares = [(axis * edge) ** 2 for axis, edge in zip(steps, edges, strict=True)]
+        table = np.zeros(2 * self.num_codes - 1)
+        table[_sums(codes) + self.offset_origin] = np.sqrt(_sums(squares))
+        return table
+
+
+def _sums(axes: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """The sum of one number of each of three axes, for all combinations."""
+    x, y, z = np.ix_(*axes)
+    return (x + y) + z

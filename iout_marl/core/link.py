@@ -48,10 +48,10 @@ class Link:
         self.slot_s = scenario.slot_s
         self._xp = backend.xp
         self._origin = backend.integers(grid.offset_origin)
-        way_m = bounded(grid.offset_distances_m(), 0.0, FARTHEST_M)
-        is_mean = scenario.grid.own_cell_distance == "mean"
-        own_cell_m = mean_distance_in_box(grid.edges_m) if is_mean else 0.0
-        distance_m = bounded(grid.offset_distances_m(own_cell_m), 0.0, FARTHEST_M)
+        way_m = distance_m = bounded(grid.offset_distances_m(), 0.0, FARTHEST_M)
+        if scenario.grid.own_cell_distance == "mean":
+            own_cell_m = mean_distance_in_box(grid.edges_m)
+            distance_m = bounded(grid.offset_distances_m(own_cell_m), 0.0, FARTHEST_M)
         harvested_w = self.budget.harvested_power_w(distance_m)
         power_per_snr_w = self.budget.power_per_snr_w(distance_m)
         uplink_j = self.budget.required_energy_j(power_per_snr_w, self.slot_s)
@@ -59,7 +59,7 @@ class Link:
         powers = {"power of an uplink": power_per_snr_w, "energy of an uplink": uplink_j}
         check_link(scenario, float(harvested_w.max()), powers)
         self.distance_m = backend.floats(distance_m)
-        self.way_m = backend.floats(way_m) if is_mean else self.distance_m
+        self.way_m = self.distance_m if way_m is distance_m else backend.floats(way_m)
         self.harvested_w = backend.floats(harvested_w)
         self.power_per_snr_w = backend.floats(power_per_snr_w)
         self.slot_uplink_j = backend.floats(uplink_j)
