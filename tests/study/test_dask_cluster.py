@@ -208,7 +208,7 @@ def test_an_address_that_is_none_is_told_at_once(address):
 
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"pip install 'iout-marl\[cluster\]'"):
+    with pytest.raises(InputError, match=r"pip install -e '\.\[cluster\]'"):
         DaskCluster("tcp://127.0.0.1:9")
 
 
