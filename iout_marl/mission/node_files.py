@@ -126,7 +126,8 @@ def _from_csv(text: str, file: str) -> NodeFile:
 def _rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
     """Lines by number, from 1, and their cells; without those that are empty or begin with #."""
     lines = io.StringIO(text, newline="")
-    head = next((line for line in text.splitlines() if line.strip() and line[0] != "#"), "")
+    written = (line.lstrip() for line in text.splitlines())
+    head = next((line for line in written if line and line[0] != "#"), "")
     delimiter = max(",;\t", key=head.count)
     reader = csv.reader(lines, delimiter=delimiter, strict=True)
     try:
@@ -160,10 +161,12 @@ def _feature(feature: Any, where: str) -> list[float]:
     if not isinstance(geometry, Mapping) or geometry.get("type") != "Point":
         found = geometry.get("type") if isinstance(geometry, Mapping) else geometry
         raise InputError(f"{where}: must be a Point, not {short(found)}")
-    coordinates, properties = geometry.get("coordinates"), feature.get("properties") or {}
+    coordinates, properties = geometry.get("coordinates"), feature.get("properties")
     if not isinstance(coordinates, list) or not 2 <= len(coordinates) <= 3:
         raise InputError(f"{where}: coordinates must be [longitude, latitude, height]")
-    depths = [v for k, v in properties.items() if _plain(k) in _NAMES["depth"]]
+    if not isinstance(properties, Mapping | None):
+        raise InputError(f"{where}: properties: must be an object or null, not {short(properties)}")
+    depths = [v for k, v in (properties or {}).items() if _plain(k) in _NAMES["depth"]]
     if len(depths) > 1:
         raise InputError(f"{where}: properties: has two depths")
     if not depths and len(coordinates) == 2:

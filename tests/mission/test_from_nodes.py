@@ -46,6 +46,9 @@ FILES = {
     "tolerant.csv": lambda places: (
         "\ufeff# surveyed\n\n" + as_csv(places, " Latitude [deg] ;LNG;Depth_m", ";") + ";;\n"
     ),
+    "indented.csv": lambda places: (
+        " \t# by hand, on a calm day, twice\n\t#,,,\n" + as_csv(places, "lat;lon;depth", ";")
+    ),
     "tabs.csv": lambda places: as_csv(places, "latitude_deg\tLONG\tz (metres)", "\t"),
     "depths.geojson": as_geojson,
     "heights.json": lambda places: as_geojson(places, by_height=True),
@@ -231,6 +234,14 @@ BAD = {
         ),
         "n.geojson: feature 1: must be a Point, not 'LineString'",
     ),
+    **{
+        f"properties-{given}": (
+            "n.geojson",
+            as_geojson([(1.0, 2.0, 3.0)], by_height=True).replace("{}", given),
+            f"n.geojson: feature 1: properties: must be an object or null, not {shown}",
+        )
+        for given, shown in {"[1]": "[1]", '"z"': "'z'", "7": "7", "[]": "[]"}.items()
+    },
     "no-geojson-depth": (
         "n.geojson",
         as_geojson([(1.0, 2.0, 3.0)]).replace("Depth", "Deep"),
