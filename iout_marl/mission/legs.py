@@ -15,6 +15,8 @@ MAX_ERROR_S = 1.0
 #: Digits of what is written: degrees to 0.1 mm, m to 1 mm, m/s so that a day's way is exact to
 #: centimetres.
 DEGREE_DIGITS, METRE_DIGITS, SPEED_DIGITS = 9, 3, 6
+#: Of seconds, here and wherever else a mission has them.
+SECOND_DIGITS = 3
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ def local_legs(route: Route, place: Place) -> list[Leg]:
     """
     points = place.east_north(route.local).round(METRE_DIGITS)
     distances = np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1)
-    return _legs(route, points, distances, hold_digits=METRE_DIGITS)
+    return _legs(route, points, distances, hold_digits=SECOND_DIGITS)
 
 
 def _legs(route: Route, points: Floats, distances: Floats, *, hold_digits: int) -> list[Leg]:

@@ -11,11 +11,13 @@ import numpy.typing as npt
 
 from iout_marl.errors import InputError
 from iout_marl.mission.geography import Place
+from iout_marl.mission.legs import SECOND_DIGITS
 from iout_marl.mission.route import Route
 from iout_marl.policies import AnyPolicy, policy_for
 from iout_marl.replay.recorder import record_player
 from iout_marl.replay.recording import Recording
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
+from iout_marl.whole import short
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,9 @@ class Mission:
 
     def at(self, seconds: float) -> str:
         """The UTC time so many seconds after the start, to the millisecond, as ISO 8601 has it."""
-        moment = self.start + timedelta(seconds=seconds)
+        # What is written is cut off below the millisecond: half of one rounds instead.
+        rounded = timedelta(seconds=round(seconds, SECOND_DIGITS), microseconds=500)
+        moment = self.start + rounded
         return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
     @classmethod
@@ -86,8 +90,11 @@ class Mission:
             start: when the mission begins; without a zone it is UTC. None for now.
 
         Raises:
-            InputError: it would begin before the year 1, or end after the year 9999.
+            InputError: the scenario has another grid, or slots of another length, than that of
+                the episode; or the mission would begin before the year 1, or end after the year
+                9999.
         """
+        _check_same_grid(recording, scenario)
         place = Place(scenario.grid)
         routes = tuple(
             Route.from_path(auv + 1, recording.path[:, auv], place, recording.slot_s)
@@ -135,10 +142,28 @@ def plan_mission(
     return Mission.from_recording(record_player(loaded, player, seed), loaded, start)
 
 
+def _check_same_grid(recording: Recording, scenario: Scenario) -> None:
+    """Refuse a scenario in which the cells or slots of a recording mean something else.
+
+    Its AUVs may be more or fewer, and its training another.
+    """
+    for key, recorded, own in (
+        ("grid.cells", recording.grid, scenario.grid.cells),
+        ("grid.spacing_m", recording.spacing_m, scenario.grid.spacing_m),
+        ("slot_s", recording.slot_s, scenario.slot_s),
+    ):
+        # One number is meant for each of the three axes.
+        if not np.array_equal(np.broadcast_to(recorded, 3), np.broadcast_to(own, 3)):
+            raise InputError(
+                f"scenario: {scenario.name} has {key} {short(own)}, but the recording of "
+                f"{recording.scenario} has {short(recorded)}: give the scenario of the recording"
+            )
+
+
 def _checked_start(start: datetime | None, duration_s: float) -> datetime:
     """A start in UTC of a mission that ends while there are dates."""
     if start is None:
-        return datetime.now(UTC).replace(microsecond=0)
+        start = datetime.now(UTC).replace(microsecond=0)
     try:
         utc = start.replace(tzinfo=UTC) if start.tzinfo is None else start.astimezone(UTC)
         utc + timedelta(seconds=duration_s + 1)

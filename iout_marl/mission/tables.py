@@ -11,11 +11,8 @@ import numpy as np
 
 from iout_marl.files import to_json
 from iout_marl.mission.geography import Floats, Place
-from iout_marl.mission.legs import DEGREE_DIGITS, METRE_DIGITS
+from iout_marl.mission.legs import DEGREE_DIGITS, METRE_DIGITS, SECOND_DIGITS
 from iout_marl.mission.mission import Mission
-
-#: Digits of seconds.
-SECOND_DIGITS = 3
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:

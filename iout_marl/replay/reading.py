@@ -44,11 +44,12 @@ ARRAYS = {
     "energy_j": _Array(("slots + 1", "nodes"), float),
 }
 TEXTS = ("scenario", "scenario_hash", "scenario_yaml", "policy", "duplex")
-#: Numbers, with the least that each may be.
+#: Numbers, with the least that each may be; some of them must be more.
 NUMBERS = {
     **dict.fromkeys(("slot_s", "maximum_age", "reference_energy_j"), 0.0),
     "num_slots": 1,
 }
+_MORE_THAN_LEAST = ("slot_s",)
 _WORDS = {"i": "whole numbers", "b": "true and false", "fi": "numbers"}
 _KEYS = {"format", "version", "seed", "grid", "spacing_m", "splits_slot", "reasons"}
 _KEYS |= {*TEXTS, *NUMBERS, *ARRAYS}
@@ -88,8 +89,10 @@ class Reader:
 
     def number(self, name: str, least: float) -> float:
         value = self._data[name]
-        if not is_number(value, least, _LARGEST):
-            raise self.fault(name, f"must be a number from {least:g}, not {short(value)}")
+        is_open = name in _MORE_THAN_LEAST
+        if not is_number(value, least, _LARGEST) or (is_open and value == least):
+            limit = f"{'above' if is_open else 'from'} {least:g}"
+            raise self.fault(name, f"must be a number {limit}, not {short(value)}")
         return float(value)
 
     def spacing(self) -> Spacing:

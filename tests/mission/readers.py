@@ -9,7 +9,9 @@ import json
 import math
 import re
 from datetime import datetime
+from itertools import pairwise
 
+import numpy as np
 from pyproj import Geod
 
 WGS84 = Geod(ellps="WGS84")
@@ -48,11 +50,27 @@ def read_geojson(path, start):
     assert isinstance(whole, geojson.FeatureCollection)
     assert whole.is_valid, whole.errors()
     track = whole.features[0]
+    lines, times = track.geometry.coordinates, track.properties["coordTimes"]
+    if track.geometry.type == "LineString":
+        lines, times = [lines], [times]
+    parts = [
+        [
+            (seconds(when, start), latitude, longitude, -height)
+            for when, (longitude, latitude, height) in zip(*part, strict=True)
+        ]
+        for part in zip(times, lines, strict=True)
+    ]
+    for part in parts:
+        assert np.abs(np.diff([longitude for _, _, longitude, _ in part])).max() < 180
+    for (*_, (*first, west, depth)), ((*second, east, other), *_) in pairwise(parts):
+        # A part begins where and when the one before has ended, on the other side.
+        assert {west, east} == {-180, 180}
+        assert (first, depth) == (second, other)
+    # A cut is no place where the vehicle turns, stays, begins or ends.
     return [
-        (seconds(when, start), latitude, longitude, -height)
-        for when, (longitude, latitude, height) in zip(
-            track.properties["coordTimes"], track.geometry.coordinates, strict=True
-        )
+        point
+        for number, part in enumerate(parts)
+        for point in part[number > 0 : len(part) - (number < len(parts) - 1)]
     ]
 
 

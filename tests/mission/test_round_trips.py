@@ -3,14 +3,14 @@
 import csv
 import json
 import math
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
 from pyproj import Proj
 from readers import READERS
 
-from iout_marl import iout_v0, load_scenario, record, record_episode
+from iout_marl import InputError, iout_v0, load_scenario, record, record_episode, record_policy
 from iout_marl.mission import (
     FORMATS,
     Mission,
@@ -20,11 +20,12 @@ from iout_marl.mission import (
     plan_mission,
     write_mission,
 )
+from iout_marl.mission.formats.geojson import cut_at_antimeridian
 
 START = datetime(2027, 5, 1, 8, tzinfo=UTC)
 ORIGINS = {
     "porto": {"latitude_deg": 41.18, "longitude_deg": -8.7, "depth_m": 5, "bearing_deg": 30},
-    "antimeridian": {"latitude_deg": -54.2, "longitude_deg": 179.9995, "bearing_deg": 200},
+    "antimeridian": {"latitude_deg": -54.2, "longitude_deg": 179.9985, "bearing_deg": 20},
     "north": {"latitude_deg": 0, "longitude_deg": 0, "depth_m": 40.5},
 }
 SCENARIOS = {
@@ -206,3 +207,70 @@ def test_a_recorded_loop_of_ones_own_is_a_mission(tmp_path):
     assert {action.slot for action in mission.actions} == set(range(1, 31))
     write_mission(mission, [format_named("csv")], tmp_path)
     assert len((tmp_path / "actions.csv").read_text().splitlines()) == 1 + 2 * 2 * 30
+
+
+OTHER_WORLDS = {
+    "grid.cells": ("multi/m2-k10-fdd", {"grid.cells": [12, 10, 4]}),
+    "grid.spacing_m": ("multi/m2-k10-fdd", {"grid.spacing_m": 50}),
+    "slot_s": ("paper/k3-fdd", {"auvs.speed_m_per_s": 2}),
+}
+
+
+@pytest.mark.parametrize(("key", "other"), OTHER_WORLDS.items(), ids=OTHER_WORLDS)
+def test_a_recording_is_no_mission_in_another_grid_or_time(key, other):
+    name, changes = other
+    episode = record_policy("paper/k3-fdd", "greedy", overrides={"episode.duration_s": 100})
+    with pytest.raises(InputError, match=f"^scenario: {name} has {key} .*: give the scenario of"):
+        Mission.from_recording(episode, load_scenario(name, changes), START)
+
+
+@pytest.mark.parametrize("start", [START, START + timedelta(microseconds=123_600)], ids=str)
+@pytest.mark.parametrize("seconds", [0.0, 0.0019, 28.4615, 28.4616, 0.0045, 3599.9996])
+def test_moments_are_rounded_as_seconds_are(seconds, start):
+    mission = plan_mission("paper/k3-fdd", "greedy", 0, start)
+    moment = datetime.fromisoformat(mission.at(seconds))
+    ms = timedelta(milliseconds=1)
+    expected = round((start - START) / ms) + round(round(seconds, 3) * 1000)
+    assert (moment - START) / ms == expected
+
+
+def test_a_mission_from_now_on_ends_while_there_are_dates():
+    ages = {"auvs.speed_m_per_s": 1e-10, "episode.duration_s": 1e13}
+    ages["allow_implausible"] = list(ages)
+    with pytest.raises(InputError, match="would not lie within the years 1 to 9999"):
+        plan_mission("paper/k3-fdd", "greedy", overrides=ages)
+
+
+#: Longitudes of a line, and of its parts.
+CUTS = {
+    "not": ([179, 180, 179.5], [[179, 180, 179.5]]),
+    "east": ([179, -179, -178], [[179, 180], [-180, -179, -178]]),
+    "west": ([-179.5, 179, 178], [[-179.5, -180], [180, 179, 178]]),
+    "there and back": ([179, -179, 179], [[179, 180], [-180, -179, -180], [180, 179]]),
+    "through a point on it": ([179, 180, -179], [[179, 180], [-180, -179]]),
+    "from a point on it": ([180, -179], [[-180, -179]]),
+    "stay beyond": ([179, -179, -179], [[179, 180], [-180, -179, -179]]),
+    "far from it": ([-1, 1, 0], [[-1, 1, 0]]),
+}
+
+
+@pytest.mark.parametrize(("line", "parts"), CUTS.values(), ids=CUTS)
+def test_lines_are_cut_at_the_antimeridian(line, parts):
+    points = [(10.0 * i, 2.0 * i, longitude, 5.0 + i) for i, longitude in enumerate(line)]
+    found = cut_at_antimeridian(points)
+    assert [[longitude for _, _, longitude, _ in part] for part in found] == parts
+    # Time, latitude and depth go on evenly: a cut lies halfway between two points here.
+    for seconds, latitude, _, depth in (point for part in found for point in part):
+        assert (latitude, depth) == pytest.approx((seconds / 5, 5 + seconds / 10))
+    assert {point[0] for part in found for point in part} >= {point[0] for point in points}
+
+
+def test_tracks_over_the_antimeridian_are_cut(tmp_path):
+    changes = {**SCENARIOS["hover"], "grid.origin": ORIGINS["antimeridian"]}
+    mission = plan_mission(load_scenario("paper/k3-fdd", changes), "random-walk", 3, START)
+    write_mission(mission, [format_named("geojson")], tmp_path)
+    kinds = set()
+    for route in mission.routes:
+        track = json.loads((tmp_path / f"auv-{route.auv}.geojson").read_text())["features"][0]
+        kinds.add(track["geometry"]["type"])
+    assert "MultiLineString" in kinds

@@ -183,7 +183,8 @@ FAULTS = {
     "grid.1": (0, "grid must be three numbers of cells, not [10, 0, 4]"),
     "splits_slot": (1, "splits_slot must be true or false, not 1"),
     "spacing_m": ([100, 20], "spacing_m must be a number above 0 or three, not [100, 20]"),
-    "slot_s": ("20", "slot_s must be a number from 0, not '20'"),
+    "slot_s": ("20", "slot_s must be a number above 0, not '20'"),
+    "maximum_age": (-1, "maximum_age must be a number from 0, not -1"),
     "num_slots": (20, "charged must have at most 20 slots"),
     "reasons": ([["lost"]], "reasons must be pairs of code and text, not [['lost']]"),
     "reasons.0.0": ("No Word", "reasons reason 'No Word': a code is a word"),
@@ -201,6 +202,11 @@ FAULTS = {
     "ages.5.2": ("old", "ages must be 101 × 10 (slots + 1, nodes) of numbers"),
     "energy_j.5.2": (-1.0, "energy_j[6, 3] is out of range: -1.0"),
 }
+
+
+def test_slots_of_no_length_are_refused(data):
+    with pytest.raises(InputError, match=r"slot_s must be a number above 0, not 0$"):
+        Recording.from_json({**data, "slot_s": 0})
 
 
 @pytest.mark.parametrize("key", FAULTS)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from iout_marl.mission.formats.base import Format
-from iout_marl.mission.legs import SPEED_DIGITS
+from iout_marl.mission.legs import SECOND_DIGITS, SPEED_DIGITS
 from iout_marl.mission.mission import Mission
 from iout_marl.mission.route import Route
-from iout_marl.mission.tables import SECOND_DIGITS, located, table
+from iout_marl.mission.tables import located, table
 
 
 def _text(mission: Mission, route: Route) -> str:
