@@ -28,6 +28,7 @@ from iout_marl.cli_options import (
     expanded,
     file,
     give_out,
+    refuse_same_file,
     take,
     whole,
 )
@@ -37,7 +38,6 @@ from iout_marl.cli_scenario import scenario_app
 from iout_marl.cli_studies import report, reproduce
 from iout_marl.cli_tables import say_outlook, show_breakdown, show_columns
 from iout_marl.cli_train import train
-from iout_marl.errors import InputError
 from iout_marl.evaluation import MAX_EPISODES
 from iout_marl.files import inputs_noted
 from iout_marl.outlook import energy_outlook
@@ -209,11 +209,10 @@ def evaluate_command(
     """Run policies over seeded episodes; means with 95 % confidence intervals."""
     take(imports)
     loaded = load_scenario(scenario, overrides or [])
-    if save_episode is not None and json_file == save_episode:
-        raise InputError("--json and --save-episode must name different files")
+    refuse_same_file({"--json": json_file, "--save-episode": save_episode})
     for target in (json_file, save_episode):
         keep_inputs(target, [*(policy or []), *(planner_start or [])])
-    results, layouts = evaluate_all(
+    results, layouts, first_episode = evaluate_all(
         loaded,
         policy or list(BASELINES),
         planner_start or [],
@@ -223,7 +222,7 @@ def evaluate_command(
         transfer=transfer,
         sampled=sampled,
         breakdown=nodes,
-        save_episode=save_episode,
+        keep_episode=save_episode is not None,
     )
     say_outlook(loaded)
     records = [result.to_json() for result in results]
@@ -234,6 +233,9 @@ def evaluate_command(
             show_breakdown(result)
 
     give_out(records[0] if len(records) == 1 else records, json_file, show_tables)
+    # After the figures, which a failure here must not cost.
+    if first_episode is not None and save_episode is not None:
+        first_episode.recording().save(save_episode)
 
 
 app.command("bound")(bound_command)

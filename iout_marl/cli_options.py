@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Annotated, Any
@@ -112,6 +112,23 @@ def take(imports: list[str] | None) -> None:
             bring_in(source)
         except InputError as error:
             raise InputError(f"--import: {error}") from None
+
+
+def refuse_same_file(targets: Mapping[str, Path | None]) -> None:
+    """Refuse to write several things into one file, however its path is spelled.
+
+    Args:
+        targets: what each option names, if anything.
+
+    Raises:
+        InputError: two of them lead to the same place, through links too.
+    """
+    options: dict[str, str] = {}
+    for option, target in targets.items():
+        if target is not None:
+            place = os.path.normcase(os.path.realpath(target))  # never raises
+            if (other := options.setdefault(place, option)) != option:
+                raise InputError(f"{other} and {option} must name different files")
 
 
 def give_out(record: Any, json_file: Path | None, show_tables: Callable[[], None]) -> None:

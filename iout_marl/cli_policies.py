@@ -10,7 +10,7 @@ from iout_marl.files import refuse_input
 from iout_marl.policies import DEFAULT_BUDGET, Budget, PlannerPolicy, Policy
 from iout_marl.policies.loading import is_run, load_run, members, named_policy
 from iout_marl.replay import Recording
-from iout_marl.replay.recorder import record_player
+from iout_marl.replay.recorder import FirstEpisode, record_player
 from iout_marl.scenario import Scenario
 from iout_marl.words import listed
 
@@ -78,8 +78,8 @@ def evaluate_all(
     transfer: bool,
     sampled: bool,
     breakdown: bool,
-    save_episode: Path | None = None,
-) -> tuple[list[Evaluation], str]:
+    keep_episode: bool = False,
+) -> tuple[list[Evaluation], str, FirstEpisode | None]:
     """Run policies by what `load_policy` takes.
 
     Where a layout is drawn once for a run, every run plays in its own, all else in that of the
@@ -92,10 +92,10 @@ def evaluate_all(
         budget: what the planner spends; None for the usual.
         sampled: draw trained policies' actions rather than take the most probable.
         breakdown: also tell each node and each AUV apart.
-        save_episode: where to keep the first episode of the policy, of which there must be one.
+        keep_episode: record the first episode of the policy, of which there must be one.
 
     Returns:
-        the evaluations, and who plays in which layout.
+        the evaluations, who plays in which layout, and the first episode, if it is asked for.
 
     Raises:
         InputError: one is neither, or does not fit the scenario.
@@ -103,7 +103,7 @@ def evaluate_all(
     runs = [name for name in names if is_run(name)]
     if sampled and not runs:
         raise InputError("--sampled: none of the policies is a trained one, by the folder of a run")
-    if save_episode is not None and len(names) != 1:
+    if keep_episode and len(names) != 1:
         raise InputError(f"--save-episode: keeps that of one --policy, not of {len(names)}")
     layout = with_layout_of_runs(scenario, [*names, *starts], transfer=transfer)
     planner = None
@@ -117,14 +117,15 @@ def evaluate_all(
             (own, planner if name == "planner" else player)
             for name, (own, player) in zip(names, players, strict=True)
         ]
-    results = [evaluate(own, p, episodes, seed, breakdown=breakdown) for own, p in players]
-    if save_episode is not None:
-        own, player = players[0]
-        record_player(own, player, seed, names[0]).save(save_episode)
+    first_episode = FirstEpisode(names[0], seed) if keep_episode else None
+    results = [
+        evaluate(own, player, episodes, seed, breakdown=breakdown, observe=first_episode)
+        for own, player in players
+    ]
     others = [name for name in names if name not in runs]
     first = next((name for name in [*names, *starts] if is_run(name)), "")
     where = f", {listed(others)} in that of {first}" if others else ""
-    return results, f"each run in its own layout{where}"
+    return results, f"each run in its own layout{where}", first_episode
 
 
 def record_named(

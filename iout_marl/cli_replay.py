@@ -8,16 +8,26 @@ from typing import Annotated
 
 import typer
 
-from iout_marl.cli_options import POLICY, Imports, Overrides, expanded, file, take, whole
+from iout_marl.cli_options import (
+    POLICY,
+    Imports,
+    Overrides,
+    expanded,
+    file,
+    refuse_same_file,
+    take,
+    whole,
+)
 from iout_marl.cli_policies import keep_inputs, record_named
 from iout_marl.errors import InputError
 from iout_marl.extras import require
-from iout_marl.files import refuse_input, write_text
+from iout_marl.files import write_text
 from iout_marl.render.film import write_film
 from iout_marl.replay import Recording
 from iout_marl.replay.film import frames
-from iout_marl.replay.page import MOST_EPISODES, check_together, render_page
+from iout_marl.replay.page import MOST_EPISODES, check_together, is_replay_page, render_page
 from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario.loading import parse_scenario
 from iout_marl.terminal import present
 from iout_marl.whole import MAX_SEED
 from iout_marl.words import counted, listed
@@ -116,12 +126,11 @@ def replay(
     loaded = None if scenario is None else load_scenario(scenario, overrides or [])
     recordings = [_read(path, loaded) for path in kept]
     page = out or (None if gif or mp4 else _PAGE)
-    targets = [target for target in (page, gif, mp4) if target is not None]
-    if len({target.absolute() for target in targets}) < len(targets):
-        raise InputError("--out, --gif and --mp4 must name different files")
-    for target in targets:
+    if out is None and page is not None and os.path.lexists(page) and not is_replay_page(page):
+        raise InputError(f"{page}: is there already, and is no replay: name another file by --out")
+    refuse_same_file({"--out": page, "--gif": gif, "--mp4": mp4})
+    for target in (page, gif, mp4):
         keep_inputs(target, names)
-        refuse_input(target)
     if loaded is not None and names:
         played = record_named(loaded, names, seed, transfer=transfer, sampled=sampled)
         recordings = [*played, *recordings]
@@ -141,13 +150,23 @@ def _read(path: str, scenario: Scenario | None) -> Recording:
     found = Recording.load(path)
     if scenario is None or found.scenario_hash == scenario.hash:
         return found
-    # A layout that was drawn for a run is in the hash.
-    if draws_layout_once(scenario) and found.scenario == scenario.name:
+    if draws_layout_once(scenario) and _differs_in_layout(found, scenario, path):
         return found
     raise InputError(
         f"--recording {path}: is of {found.scenario} ({found.scenario_hash}), not of "
         f"{scenario.name} ({scenario.hash})"
     )
+
+
+def _differs_in_layout(recording: Recording, scenario: Scenario, path: str) -> bool:
+    """Whether a recording is of the scenario but for its nodes, whose layout is in the hash."""
+    try:
+        own = parse_scenario(Path(path), recording.scenario_yaml.encode())
+    except InputError as error:
+        raise InputError(f"--recording {path}: scenario_yaml: {error}") from None
+    if own.num_nodes != scenario.num_nodes:
+        return False
+    return own.model_copy(update={"nodes": scenario.nodes}).hash == scenario.hash
 
 
 def _say(path: Path, what: str) -> None:

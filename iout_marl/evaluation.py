@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -163,6 +163,7 @@ def evaluate(
     *,
     overrides: Overrides = None,
     breakdown: bool = False,
+    observe: Callable[[World, State, Events | None], None] | None = None,
 ) -> Evaluation:
     """Run a policy over whole episodes.
 
@@ -178,6 +179,8 @@ def evaluate(
             that of an environment reset with it; and of what the policy leaves to chance.
         overrides: changes of the scenario, as for `load_scenario`.
         breakdown: also tell each node and each AUV apart.
+        observe: called with the world, the first state and None, and after every slot with the
+            world, the state after it and what happened in it; of all episodes as a batch.
 
     Raises:
         InputError: no such scenario or policy, a run of another scenario, episodes or a seed out
@@ -194,6 +197,9 @@ def evaluate(
     total_reward = np.zeros((world.num_envs, world.num_auvs))
     tally = None
     for state, events in play(world, player, seed):
+        if observe is not None:
+            with _unbounded():
+                observe(world, state, events)
         if events is None:
             tally = Tally(world, state) if breakdown else None
             continue

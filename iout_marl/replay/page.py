@@ -6,6 +6,7 @@ import html
 import importlib.resources
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,8 @@ from iout_marl.words import counted, listed
 MOST_EPISODES = 2
 
 
+#: By what a page is known.
+_SIGN = b'<meta name="generator" content="iout_marl replay">'
 _SCRIPTS = ("data.js", "space.js", "flat.js", "charts.js", "player.js")
 
 
@@ -60,6 +63,17 @@ def render_page(recordings: Sequence[Recording]) -> str:
         "script": "(() => {\n" + "\n".join(map(_asset, _SCRIPTS)) + "\n})();",
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _asset("page.html"))
+
+
+def is_replay_page(path: Path) -> bool:
+    """Whether a file is a page as `render_page` makes it."""
+    if not path.is_file():  # a pipe would let it wait
+        return False
+    try:
+        with path.open("rb") as file:
+            return _SIGN in file.read(1000)
+    except OSError:
+        return False
 
 
 def check_together(recordings: Sequence[Recording]) -> None:

@@ -118,6 +118,39 @@ class Recorder:
         )
 
 
+class FirstEpisode:
+    """Records the first episode of a batch that `evaluate` plays, for its `observe`.
+
+    Args:
+        policy: what to call whoever plays.
+        seed: of the first episode.
+    """
+
+    def __init__(self, policy: str, seed: int) -> None:
+        self._policy, self._seed = policy, seed
+        self._recorder: Recorder | None = None
+
+    def __call__(self, world: World, state: State, events: Events | None) -> None:
+        """Take down the first state of an episode, or a slot; as `evaluate` calls it."""
+        # A world of one environment: why uplinks of others have failed, nobody asks.
+        first = state.map(lambda array: array[:1])
+        if events is None:
+            self._recorder = Recorder(World(world.scenario), first, self._policy, self._seed)
+        elif self._recorder is not None:
+            self._recorder.add(Events(*(array[:1] for array in events)), first)
+
+    def recording(self) -> Recording:
+        """What has been taken down so far.
+
+        Raises:
+            InputError: as `Recorder.recording`.
+            RuntimeError: no slot has been played.
+        """
+        if self._recorder is None:
+            raise RuntimeError("no episode has begun: there is nothing to record yet")
+        return self._recorder.recording()
+
+
 #: Of the events, what is recorded as it is.
 _OF_EVENTS = ("left_grid", "blocked", "harvested_j", "spent_j")
 

@@ -2,12 +2,14 @@
 
 import json
 import sys
+from pathlib import Path
 
 import pytest
 from PIL import Image
 
 import trainers
-from iout_marl import Recording, record_policy
+from iout_marl import Recording, load_scenario, record_policy
+from iout_marl.world import pin_layout
 
 SHORT = ["--set", "episode.duration_s=100"]
 K3 = ["paper/k3-fdd", *SHORT]
@@ -108,6 +110,32 @@ def test_evaluate_keeps_sampled_actions(iout, run, tiny_settings):
     assert probable.path.tolist() != sampled.path.tolist()
 
 
+def test_evaluate_keeps_an_episode_that_was_evaluated(iout, tmp_path):
+    """Whoever plays otherwise the next time, as a planner within seconds may, plays no more."""
+    (tmp_path / "mine.py").write_text(
+        "slots = 0\n"
+        "def fickle(seen):\n"
+        "    global slots\n"
+        "    slots += 1\n"
+        "    return 0 * seen[..., :3].astype(int) + (slots > 4)\n"
+    )
+    words = ["--policy", "mine.py:fickle", "--episodes", 1, "--json", "figures.json"]
+    assert iout("evaluate", *K3, *words, "--save-episode", "kept.json")[0] == 0
+    kept = Recording.load("kept.json")
+    assert (kept.policy, kept.charged.tolist()) == ("mine.py:fickle", [[1]] * 4)
+    figures = json.loads(Path("figures.json").read_text())["metrics"]
+    assert kept.ages[1:].mean() == pytest.approx(figures["mean_aoi"]["mean"])
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="only some systems have /dev/full")
+def test_an_episode_that_cannot_be_kept_costs_no_figures(iout):
+    words = ["--policy", "greedy", "--json", "figures.json", "--save-episode", "/dev/full"]
+    status, out, err = iout("evaluate", *K3, *words)
+    assert (status, err) == (2, "iout: /dev/full: cannot be written: No space left on device\n")
+    assert "greedy" in out
+    assert json.loads(Path("figures.json").read_text())["policy"] == "greedy"
+
+
 BAD = {
     "nothing": ([], "name one or two of --policy and --recording, not none"),
     "three": (
@@ -130,7 +158,11 @@ BAD = {
     ),
     "one-file": (
         [*K3, "--policy", "greedy", "--out", "film.gif", "--gif", "film.gif"],
-        "--out, --gif and --mp4 must name different files",
+        "--out and --gif must name different files",
+    ),
+    "one-file-by-a-link": (
+        [*K3, "--policy", "greedy", "--out", "link.gif", "--gif", "film.gif"],
+        "--out and --gif must name different files",
     ),
     "sampled": (
         [*K3, "--policy", "greedy", "--sampled"],
@@ -150,10 +182,50 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_bad_input(refused, tmp_path, episode, case):
     words, line = BAD[case]
+    (tmp_path / "film.gif").write_text("mine")
+    (tmp_path / "link.gif").symlink_to("film.gif")
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     hash_ = json.loads(episode.read_text())["scenario_hash"]
     assert refused("replay", *words).startswith(line.replace("HASH", hash_))
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_what_is_no_replay_is_replaced_only_by_name(iout, refused, tmp_path):
+    page = tmp_path / "replay.html"
+    play = ["replay", *K3, "--policy", "greedy"]
+    assert iout(*play)[0] == iout(*play)[0] == 0, "a replay may be replaced"
+    page.write_text("<!DOCTYPE html><html><p>my replay</html>")
+    assert refused(*play) == (
+        "replay.html: is there already, and is no replay: name another file by --out"
+    )
+    assert "my replay" in page.read_text()
+    assert iout(*play, "--out", page)[0] == 0
+    page.unlink()
+    page.mkdir()
+    assert refused(*play).startswith("replay.html: is there already")
+
+
+RANDOM = "nodes={kind: random, count: 4, redraw: run}"
+
+
+def test_recordings_of_a_scenario_with_a_layout_for_each_run(iout, refused, tmp_path):
+    settings = {"episode.duration_s": 100, "nodes": {"kind": "random", "count": 4}}
+    own = load_scenario("paper/k3-fdd", {**settings, "nodes.redraw": "run"})
+    record_policy(pin_layout(own, 7), "greedy").save("layout.json")
+    faster = load_scenario(own, {"auvs.speed_m_per_s": 3})
+    record_policy(pin_layout(faster, 7), "greedy").save("faster.json")
+    fewer = load_scenario(own, {"nodes.count": 3})
+    record_policy(pin_layout(fewer, 7), "greedy").save("fewer.json")
+    data = json.loads(Path("layout.json").read_text())
+    Path("damaged.json").write_text(json.dumps({**data, "scenario_yaml": "grid: 3"}))
+    words = ["replay", *K3, "--set", RANDOM, "--policy", "tour", "--recording"]
+    assert iout(*words, "layout.json")[0] == 0
+    for other in ("faster", "fewer"):
+        assert refused(*words, f"{other}.json").startswith(
+            f"--recording {other}.json: is of paper/k3-fdd ("
+        )
+    line = refused(*words, "damaged.json")
+    assert line.startswith("--recording damaged.json: scenario_yaml: ")
 
 
 def test_run_of_another_scenario(refused, run, tmp_path):
@@ -193,10 +265,15 @@ def test_pages_need_no_extra(iout, monkeypatch):
             ["--policy", "greedy", "--json", "kept.json"],
             "--json and --save-episode must name different files",
         ),
+        (
+            ["--policy", "greedy", "--json", "../FOLDER/kept.json"],
+            "--json and --save-episode must name different files",
+        ),
         (["--policy", "greedy", "--set", "extends=1"], ""),
     ],
-    ids=["two-policies", "one-file", "bad-key"],
+    ids=["two-policies", "one-file", "one-file-by-another-path", "bad-key"],
 )
 def test_bad_input_of_save_episode(refused, tmp_path, words, line):
+    words = [word.replace("FOLDER", tmp_path.name) for word in words]
     assert refused("evaluate", *K3, *words, "--save-episode", "kept.json").startswith(line)
     assert list(tmp_path.iterdir()) == []
