@@ -11,7 +11,7 @@ import typer
 
 from iout_marl.cli_options import Imports, expanded, file, take
 from iout_marl.errors import InputError
-from iout_marl.files import write_text
+from iout_marl.files import path_from, write_text
 from iout_marl.outside import import_words
 from iout_marl.scenario import bundled_root, find_scenario, load_scenario
 from iout_marl.scenario.naming import name_of
@@ -65,4 +65,4 @@ def named_in(path: Path, scenario: Path) -> str:
     """How a file names a scenario that it extends: by its bundled name or from its own folder."""
     if scenario.resolve().is_relative_to(bundled_root().resolve()):
         return name_of(scenario)
-    return Path(os.path.relpath(scenario, path.parent)).as_posix()
+    return Path(path_from(scenario, path.parent)).as_posix()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +12,7 @@ from iout_marl import machine
 from iout_marl.cli_options import Imports, Overrides, expanded, file, folder, take, whole
 from iout_marl.errors import InputError
 from iout_marl.extras import how_to_install, missing, require
-from iout_marl.files import write_text
+from iout_marl.files import path_from, write_text
 from iout_marl.outside import import_words
 from iout_marl.policies import load_policy
 from iout_marl.signals import Stopped, StopSignals
@@ -201,7 +200,7 @@ def _written(folder: Path, markdown: Path | None = None, *, kept: bool = False) 
     try:
         built = build_report(results)
         write_report(built, folder)
-        figures = Path(os.path.relpath(folder / "figures", text.parent)).as_posix()
+        figures = Path(path_from(folder / "figures", text.parent)).as_posix()
         rendered = render_markdown(built, figures)
         write_text(text, rendered.rstrip("\n"))
     except InputError as error:

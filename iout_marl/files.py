@@ -47,6 +47,18 @@ def user_path(given: object, what: str) -> Path:
         return Path(text)
 
 
+def path_from(path: Path, folder: Path | None = None) -> str:
+    """How a path is written from a folder, by default the working folder.
+
+    Where no way leads there, as to another drive of Windows, or nobody knows where "here" is, it is
+    the path itself: an absolute one, as long as a folder is named.
+    """
+    try:
+        return os.path.relpath(path, folder)
+    except (OSError, ValueError):
+        return str(path) if folder is None else os.path.abspath(path)  # noqa: PTH100
+
+
 @contextmanager
 def inputs_noted() -> Iterator[None]:
     """While inside, what is read is noted, and `refuse_input` knows it."""

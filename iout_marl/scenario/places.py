@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
+
+from iout_marl.files import path_from
 
 #: A key's way down from the top of the scenario: names and list indices.
 KeyPath: TypeAlias = tuple[str | int, ...]
@@ -70,8 +71,5 @@ def shorten(text: str) -> str:
 
 def show_file(path: Path) -> str:
     """The shorter of a file's path as given and its path from here."""
-    try:
-        relative = os.path.relpath(path)
-    except (OSError, ValueError):  # no working folder, or one on another drive
-        return str(path)
+    relative = path_from(path)
     return relative if len(relative) < len(str(path)) else str(path)

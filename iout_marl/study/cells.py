@@ -6,7 +6,6 @@ import hashlib
 import itertools
 import json
 import math
-import os
 import re
 import shlex
 from collections import Counter
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from iout_marl.errors import InputError
+from iout_marl.files import path_from
 from iout_marl.outside import brought_in
 from iout_marl.scenario import Scenario, find_scenario, load_scenario
 from iout_marl.scenario.layers import Layer, overrides_layer
@@ -240,7 +240,7 @@ def _find(source: str, study_file: Path) -> Path:
             here = find_scenario(source)
         except InputError:
             raise error from None
-        way = os.path.relpath(here, study_file.parent)
+        way = path_from(here, study_file.parent)
         raise InputError(f"{error}; from the study's own folder it is {way!r}") from None
 
 

@@ -6,6 +6,7 @@ import shutil
 
 import pytest
 from fake_results import record, results
+from tiny_study import write_study
 
 import trainers
 from iout_marl.scenario import bundled_root
@@ -75,6 +76,39 @@ def test_scenario_of_another_command_before(iout, own, tmp_path):
     assert iout("show", own)[0] == 0
     assert iout("evaluate", "paper/k3-fdd", *PLAY, "--json", own)[0] == 0
     assert json.loads(own.read_text())["episodes"] == 1
+
+
+class TestOtherDrives:
+    """On Windows no way leads from one drive to another: `os.path.relpath` raises ValueError."""
+
+    @pytest.fixture(autouse=True)
+    def drives(self, monkeypatch):
+        def relpath(path, start=None):
+            raise ValueError("path is on mount 'C:', start on mount 'D:'")
+
+        monkeypatch.setattr(os.path, "relpath", relpath)
+
+    def test_what_a_scenario_extends(self, iout, own, tmp_path):
+        (tmp_path / "n.csv").write_text("x,y,z\n0,0,0\n")
+        for path, *words in (
+            ("new.yaml", "new", "new.yaml"),
+            ("made.yaml", "scenario", "from-nodes", "n.csv", "--out", "made.yaml"),
+        ):
+            assert iout(*words, "--from", own.name)[0] == 0
+            assert f"extends: {own.as_posix()}\n" in (tmp_path / path).read_text()
+
+    def test_figures_of_a_report(self, iout, tmp_path):
+        made = results([("g", "greedy", 3, record("greedy", 3, 0, {}))], report="plain")
+        (tmp_path / "results.json").write_text(made.to_json())
+        assert iout("report", tmp_path, "--markdown", tmp_path / "mine.md")[0] == 0
+        assert f"]({tmp_path.as_posix()}/figures/" in (tmp_path / "mine.md").read_text()
+
+    def test_a_scenario_that_a_study_does_not_find(self, refused, own, tmp_path):
+        (tmp_path / "studies").mkdir()
+        group = {"scenarios": ["own"], "policies": ["greedy"]}
+        path = write_study(tmp_path / "studies" / "s.yaml", groups={"g": group})
+        line = refused("reproduce", "--study", path, "--out", "out")
+        assert line.endswith(f"from the study's own folder it is '{own}'")
 
 
 class TestMarkdown:
