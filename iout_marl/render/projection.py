@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 _MOST_CELL_PX = 90  # beyond which the cells of a small grid do not grow
-_NUMBER_SIZES = {1: 0.95, 2: 0.88, 3: 0.62}  # by digits, relative to the node's radius
+_NUMBER_SIZES = {1: 0.95, 2: 0.88, 3: 0.62, 4: 0.46}  # by digits, relative to the node's radius
 _LEAST_PT = 4.0  # below which a number or letter is left out
 _MOST_TAGS = 12  # AUVs that can carry a label without hiding everything else
 _ASIDE = 0.3  # cells from the first place of a trail to the last, where an AUV has not moved
@@ -231,7 +231,7 @@ class Projection:
             self._panel.draw_patches(patches, zorder=zorder, **look)
         luminance = node_colours[:, :3] @ (0.299, 0.587, 0.114)
         for node, (x, y) in enumerate(node_at):
-            share_of_radius = _NUMBER_SIZES[min(len(str(node + 1)), 3)]
+            share_of_radius = _NUMBER_SIZES[min(len(str(node + 1)), 4)]
             size_pt = share_of_radius * node_radius[node] * self._cell_px * style.PT_PER_PX
             colour = style.INK if luminance[node] > 0.5 else "white"
             self._write_within(x, y, str(node + 1), size_pt, color=colour, zorder=3.3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import importlib.resources
+import itertools
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -43,7 +44,7 @@ def render_page(recordings: Sequence[Recording]) -> str:
         InputError: there are none or too many, or their slots are not equally long.
     """
     check_together(recordings)
-    first = recordings[0]
+    shared, own = _facts(recordings)
     names = [printable(r.scenario) for r in recordings]
     parts = {
         "title": html.escape(f"{names[0]}: {listed([printable(r.policy) for r in recordings])}"),
@@ -52,10 +53,13 @@ def render_page(recordings: Sequence[Recording]) -> str:
             to_json(
                 {
                     "scenario": listed(list(dict.fromkeys(names))),
-                    "facts": _facts(first),
+                    "facts": shared,
                     "legend": _legend(recordings),
                     "look": _look(),
-                    "episodes": [_episode(recording) for recording in recordings],
+                    "episodes": [
+                        {**_episode(recording), "facts": facts}
+                        for recording, facts in zip(recordings, own, strict=True)
+                    ],
                 }
             )
         ),
@@ -97,31 +101,54 @@ def _asset(*path: str) -> str:
     return folder.joinpath(*path).read_text(encoding="utf-8")
 
 
-def _facts(recording: Recording) -> str:
-    """The scenario in one line."""
-    cells = f"{' × '.join(map(str, recording.grid))} cells of {spacing_text(recording.spacing_m)}"
-    if stretched := stretched_axes(edges_m(recording.spacing_m)):
-        cells += f", drawn with {stretched}"
-    return " · ".join(
-        [
+def _facts(recordings: Sequence[Recording]) -> tuple[str, list[str]]:
+    """The scenario in one line: what all episodes share, and of each what is its own."""
+    # Heading and legend show what `elsewhere` says, as long as it is the same.
+    elsewhere = [(printable(r.scenario), f"energy full at {_gauge(r)}") for r in recordings]
+    facts = [
+        (
+            *names,
             recording.duplex,
             counted(recording.num_nodes, "node"),
             counted(recording.num_auvs, "AUV"),
-            cells,
+            _cells(recording),
             f"{counted(recording.num_slots, 'slot')} of {recording.slot_s:g} s",
-            *([] if recording.seed is None else [f"seed {recording.seed}"]),
+            "" if recording.seed is None else f"seed {recording.seed}",
             f"scenario {printable(recording.scenario_hash)}",
-        ]
-    )
+        )
+        for names, recording in zip(elsewhere, recordings, strict=True)
+    ]
+    differ = [len(set(texts)) > 1 for texts in zip(*facts, strict=True)]
+    shared = [
+        text
+        for text, is_own in zip(facts[0], differ, strict=True)
+        if not is_own and text not in elsewhere[0]
+    ]
+    lines = (" · ".join(filter(None, itertools.compress(texts, differ))) for texts in facts)
+    return " · ".join(filter(None, shared)), list(lines)
+
+
+def _cells(recording: Recording) -> str:
+    """The grid in words."""
+    cells = f"{' × '.join(map(str, recording.grid))} cells of {spacing_text(recording.spacing_m)}"
+    stretched = stretched_axes(edges_m(recording.spacing_m))
+    return f"{cells}, drawn with {stretched}" if stretched else cells
+
+
+def _gauge(recording: Recording) -> str:
+    """The energy at which the gauge of a node is full."""
+    return energy_text(recording.snapshot(0).energy_yardstick_j)
 
 
 def _legend(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
     """What each kind of mark stands for."""
     oldest = listed(list(dict.fromkeys(f"{r.maximum_age:g}" for r in recordings)))
-    gauge = energy_text(recordings[0].snapshot(0).energy_yardstick_j)
+    gauges = set(map(_gauge, recordings))
+    # Several stand with the facts of each episode.
+    gauge = f"{gauges.pop()}, an uplink" if len(gauges) == 1 else "an uplink"
     return [
         ("age", f"age of a node, 1 to {oldest} slots"),
-        ("energy", f"energy stored; full at {gauge}, an uplink over half the grid"),
+        ("energy", f"energy stored; full at {gauge} over half the grid"),
         ("charge", "charging"),
         ("data", "packet arrived"),
         ("fail", "no packet"),

@@ -299,14 +299,42 @@ def test_fingers(browser, opened):
     watched.context.close()
 
 
-def test_maps_stand_in_where_there_is_no_webgl(browser, recordings, tmp_path):
-    path = tmp_path / "page.html"
+def without_webgl(page):
+    """The page, to which the browser says that it has no WebGL."""
     blinded = (
         "<script>HTMLCanvasElement.prototype.getContext = ((get) => function (kind, ...rest) {"
         "return kind.startsWith('webgl') ? null : get.call(this, kind, ...rest); })"
         "(HTMLCanvasElement.prototype.getContext);</script><body>"
     )
-    path.write_text(render_page(recordings).replace("<body>", blinded, 1), encoding="utf-8")
+    return page.replace("<body>", blinded, 1)
+
+
+def test_two_large_scenarios(browser, tmp_path):
+    """Numbers of four digits are written, and each episode has facts of its own."""
+    path = tmp_path / "page.html"
+    settings = {"episode.duration_s": 50, "nodes": {"kind": "random", "count": 1000}}
+    settings["grid.cells"] = [16, 16, 4]
+    pair = [
+        record_policy("paper/k3-fdd", "greedy", overrides=changes)
+        for changes in (settings, {"episode.duration_s": 50})
+    ]
+    path.write_text(without_webgl(render_page(pair)), encoding="utf-8")
+    watched = Watched(browser, path.as_uri())
+    page = watched.page
+    numbers = page.locator(".flat text.number", has_text="1000")
+    assert numbers.count() == 2
+    for number in numbers.all():
+        assert float(number.get_attribute("font-size")) > 0
+    assert "FDD" in page.locator(".top .facts").inner_text()
+    shown = page.locator(".episode .facts").all_inner_texts()
+    assert ["1,000 nodes" in shown[0], "3 nodes" in shown[1]] == [True, True]
+    assert watched.complaints == []
+    watched.context.close()
+
+
+def test_maps_stand_in_where_there_is_no_webgl(browser, recordings, tmp_path):
+    path = tmp_path / "page.html"
+    path.write_text(without_webgl(render_page(recordings)), encoding="utf-8")
     watched = Watched(browser, path.as_uri())
     assert "no WebGL" in watched.page.locator(".no-space").first.inner_text()
     watched.page.keyboard.press("End")

@@ -13,6 +13,7 @@ from iout_marl import InputError, record_policy
 from iout_marl.core.reasons import Reason
 from iout_marl.render import style
 from iout_marl.render.hull import hull_path, hull_svg
+from iout_marl.render.labels import energy_text
 from iout_marl.replay.page import render_page
 
 ASSETS = files("iout_marl.replay") / "assets"
@@ -67,6 +68,31 @@ def test_texts_of_users_are_texts(recording):
     assert "<img" not in page
     assert page.count("</script>") == 3
     assert page.count("{{") == 0
+
+
+def test_facts_stand_once_where_equal_and_else_with_each_episode(recording):
+    facts = "FDD · 3 nodes · 1 AUV · 10 × 10 × 4 cells of 100 m · 100 slots of 25 s"
+    hash_ = f"scenario {recording.scenario_hash}"
+    alone = data_of(render_page([recording]))
+    assert alone["facts"] == f"{facts} · seed 0 · {hash_}"
+    assert [each["facts"] for each in alone["episodes"]] == [""]
+    seeds = data_of(render_page([recording, replace(recording, seed=None)]))
+    assert seeds["facts"] == f"{facts} · {hash_}"
+    assert [each["facts"] for each in seeds["episodes"]] == ["seed 0", ""]
+    assert seeds["legend"] == alone["legend"]
+
+
+def test_two_scenarios_have_facts_of_their_own(recording):
+    other = record_policy("paper/k5-tdd", "greedy")
+    data = data_of(render_page([recording, other]))
+    assert data["facts"] == "1 AUV · 10 × 10 × 4 cells of 100 m · 100 slots of 25 s · seed 0"
+    for each, shown in zip([recording, other], data["episodes"], strict=True):
+        full = energy_text(each.snapshot(0).energy_yardstick_j)
+        assert shown["facts"].split(" · ") == [
+            *(each.scenario, f"energy full at {full}", each.duplex),
+            *(f"{each.num_nodes} nodes", f"scenario {each.scenario_hash}"),
+        ]
+    assert dict(data["legend"])["energy"] == ("energy stored; full at an uplink over half the grid")
 
 
 def test_one_clock(recording):

@@ -17,6 +17,8 @@ function arc(radius, share) {
   return `M0 ${-radius}A${radius} ${radius} 0 ${share > 0.5 ? 1 : 0} 1 ${x} ${y}`;
 }
 
+/** Size of a node's number relative to its radius, by the number of digits. */
+const DIGITS = [0.95, 0.85, 0.6, 0.45];
 const ROUND_STEPS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
 const stepFrom = (least) => ROUND_STEPS.find((step) => step >= least) ?? Math.ceil(least);
 
@@ -81,7 +83,7 @@ class Flat {
     const number = String(index + 1);
     const letters = svg(
       "text",
-      { class: "number", "font-size": size * [0.95, 0.85, 0.6][number.length - 1], dy: "0.36em" },
+      { class: "number", "font-size": size * DIGITS[Math.min(number.length, 4) - 1], dy: "0.36em" },
       number
     );
     const hint = svg("title");

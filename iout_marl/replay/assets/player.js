@@ -56,6 +56,7 @@ class Panel {
     section.innerHTML = `
       <h2><svg class="key" viewBox="0 0 28 8" aria-hidden="true"><path d="M0 4H28"/></svg><span></span></h2>
       <dl class="figures"></dl>
+      <p class="facts"></p>
       <div class="views">
         <figure class="space"><div class="stage"></div><div class="turners" role="group" aria-label="View"></div></figure>
         <figure class="flat"><figcaption>From above</figcaption></figure>
@@ -68,6 +69,9 @@ class Panel {
       </div>
       <p class="tally"></p>`;
     find("h2 span", section).textContent = episode.policy;
+    const facts = find(".facts", section);
+    facts.textContent = episode.facts;
+    facts.toggleAttribute("hidden", !episode.facts);
     const key = find(".key path", section);
     key.style.stroke = this.look.colour;
     key.setAttribute("stroke-dasharray", this.look.dash);
