@@ -132,28 +132,64 @@ def write_atomically(path: Path, data: bytes) -> None:
     write_together({path: data})
 
 
-def write_together(files: Mapping[Path, bytes]) -> None:
+def part_of(path: Path) -> Path:
+    """Where a file's next contents are written, before they take its place."""
+    return path.with_name(path.name + ".part")
+
+
+def write_together(files: Mapping[Path, bytes], *, moment: Path | None = None) -> None:
     """Write files that belong together: none takes its place before all of them are on the disk.
 
+    They take their places one after the other. If one of them cannot, or the program is interrupted
+    meanwhile, those that were not there before are removed again; of those that were, the first may
+    be new and the others old. Where that must not be, one file decides which belong together.
+
+    Args:
+        files: contents by path, one or more.
+        moment: the file that decides: it alone takes its place, all others wait as `part_of`
+            for whoever reads by it.
+
     Raises:
-        InputError: one cannot be written; what was there stands.
+        InputError: one cannot be written.
     """
-    parts = {path: path.with_name(path.name + ".part") for path in files}
-    path = next(iter(files))
+    path, new, are_written = next(iter(files)), [], False
     try:
         for path, data in files.items():
-            with parts[path].open("wb") as file:
+            with part_of(path).open("wb") as file:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
-        for path, part in parts.items():
-            part.replace(path)
-    except OSError as error:
-        for part in parts.values():
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
-        kept = "; the one before stands" if path.exists() else ""
+        folders = {path.parent for path in files}
+        for folder in folders:
+            fsync_folder(folder)
+        are_written = True
+        for path in files if moment is None else [moment]:
+            if not os.path.lexists(path):
+                new.append(path)
+            part_of(path).replace(path)
+        for folder in folders:
+            fsync_folder(folder)
+    except BaseException as error:
+        # Once the file that decides is in its place, the parts of the others are meant.
+        has_passed = moment and are_written and not os.path.lexists(part_of(moment))
+        if not has_passed:
+            for each in (*map(part_of, files), *new):
+                with suppress(OSError):
+                    each.unlink(missing_ok=True)
+        if not isinstance(error, OSError):
+            raise
+        kept = "; the one before is kept" if path.exists() else ""
         raise InputError(f"{path}: cannot be written: {reason(error)}{kept}") from None
+
+
+def fsync_folder(folder: Path) -> None:
+    """Bring the names in a folder to the disk, where the system can."""
+    with suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 def write_text(path: Path, text: str) -> None:

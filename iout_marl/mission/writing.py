@@ -83,11 +83,11 @@ def write_mission(mission: Mission, formats: Sequence[Format], folder: Path) -> 
     try:
         folder.mkdir(parents=True, exist_ok=True)
         write_together({folder / name: f"{text}\n".encode() for name, text in texts.items()})
-    except (OSError, InputError) as error:
+    except BaseException as error:
         for each in new:
             with suppress(OSError):
                 each.rmdir()
-        if isinstance(error, InputError):
+        if not isinstance(error, OSError):
             raise
         raise InputError(f"{folder}: cannot be written: {reason(error)}") from None
     return [folder / name for name in texts]

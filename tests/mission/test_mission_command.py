@@ -90,6 +90,20 @@ def test_nothing_is_written_where_something_fails(refused, monkeypatch):
     assert line == "file/m: cannot be written: Not a directory"
 
 
+def test_nothing_is_left_of_a_mission_that_is_interrupted(iout, monkeypatch):
+    real, calls = Path.replace, []
+
+    def interrupted(path, target):
+        calls.append(path)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return real(path, target)
+
+    monkeypatch.setattr(Path, "replace", interrupted)
+    assert iout(*WORDS[:-1], "new/m", *PLACED, "--format", "csv")[0] == 130
+    assert not names(".")
+
+
 @pytest.mark.parametrize(
     ("words", "line"),
     [

@@ -60,7 +60,7 @@ def test_file_written_before_stands(tmp_path, fill_disk, monkeypatch):
     with pytest.raises(InputError) as raised:
         write_atomically(path, b"new")
     monkeypatch.undo()
-    expected = f"{path}: cannot be written: No space left on device; the one before stands"
+    expected = f"{path}: cannot be written: No space left on device; the one before is kept"
     assert str(raised.value) == expected
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path], "something half-written is left"

@@ -29,7 +29,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import os
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -38,7 +37,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from iout_marl.errors import InputError
-from iout_marl.files import parse_json, read_if_there, reason, to_json
+from iout_marl.files import parse_json, part_of, read_if_there, reason, to_json, write_together
 
 #: Changes whenever older manifests can no longer be read.
 FORMAT = 1
@@ -119,11 +118,6 @@ def digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def part(path: Path) -> Path:
-    """Where a file's next contents are written."""
-    return path.with_name(path.name + ".part")
-
-
 def read_save(folder: Path) -> dict[str, bytes]:
     """The files of the last save in a run's folder, by name; none where nothing was saved.
 
@@ -142,7 +136,7 @@ def manifest_of(folder: Path) -> Manifest | None:
     path = folder / MANIFEST
     own = read_if_there(path)
     wanted = _wanted_by_group(folder)
-    for data in (own, read_if_there(part(path)), read_if_there(path)) if wanted else ():
+    for data in (own, read_if_there(part_of(path)), read_if_there(path)) if wanted else ():
         if data is not None and digest(data) == wanted:
             return Manifest.parse(path, data, _OF_RUN)
     if own is None:
@@ -182,7 +176,7 @@ def _read_files(folder: Path, manifest: Manifest | None) -> dict[str, bytes]:
     for name, wanted in manifest.files.items():
         path, is_there = folder / name, False
         # A training may put the part in its place after the first look and before the second.
-        for place in (path, part(path), path):
+        for place in (path, part_of(path), path):
             data = read_if_there(place)
             is_there |= data is not None and place is path
             if data is not None and digest(data) == wanted:
@@ -293,43 +287,11 @@ def save(
         last_written = Manifest(
             {f"{f.name}/{MANIFEST}": digest(parts[f / MANIFEST]) for f in states}
         )
-    _write_parts({**parts, moment: last_written.to_bytes()}, moment)
+    write_together({**parts, moment: last_written.to_bytes()}, moment=moment)
     for folder in states:
         settle(folder)
     with suppress(OSError):
         begun(moment).unlink(missing_ok=True)
-
-
-def _write_parts(files: Mapping[Path, bytes], moment: Path) -> None:
-    """Write all files beside their names, then let the one that decides take its place."""
-    path = moment
-    try:
-        for path, data in files.items():
-            with part(path).open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-        for folder in {path.parent for path in files}:
-            fsync_folder(folder)
-        path = moment
-        part(moment).replace(moment)
-        fsync_folder(moment.parent)
-    except OSError as error:
-        for each in files:
-            with suppress(OSError):
-                part(each).unlink(missing_ok=True)
-        kept = "; the one before is kept" if path.exists() else ""
-        raise InputError(f"{path}: cannot be written: {reason(error)}{kept}") from None
-
-
-def fsync_folder(folder: Path) -> None:
-    """Bring the names in a folder to the disk, where the system can."""
-    with suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def settle(folder: Path) -> None:
@@ -345,11 +307,11 @@ def settle(folder: Path) -> None:
     try:
         for name in (*NAMES, MANIFEST):
             path = folder / name
-            data = read_if_there(part(path))
+            data = read_if_there(part_of(path))
             if data is not None and digest(data) == wanted.get(name):
-                part(path).replace(path)
+                part_of(path).replace(path)
             elif data is not None:
-                part(path).unlink(missing_ok=True)
+                part_of(path).unlink(missing_ok=True)
             if manifest is not None and name not in wanted:
                 path.unlink(missing_ok=True)  # a result of a shorter training
         if manifest is not None:
