@@ -12,7 +12,7 @@ from rich.table import Table
 from iout_marl.cli_new import named_in, new_scenario_file
 from iout_marl.cli_options import Imports, Overrides, expanded, file, take
 from iout_marl.files import write_text
-from iout_marl.mission.from_nodes import described, scenario_data, snap
+from iout_marl.mission.from_nodes import Extended, described, scenario_data, snap
 from iout_marl.mission.node_files import read_nodes
 from iout_marl.outside import import_words
 from iout_marl.scenario import find_scenario, load_scenario
@@ -57,16 +57,15 @@ def from_nodes(
     take(imports)
     out = new_scenario_file(out)
     found, layer = find_scenario(source), overrides_layer(overrides or [])
-    base = load_scenario(source, layer)
+    extended = Extended.from_source(source, layer)
     path = Path(nodes)
     read = read_nodes(path)
     keeps_cells = "cells" in layer.data.get("grid", {})
-    snapped = snap(read, base, keeps_cells=keeps_cells)
-    arguments = (snapped, base, layer.data)
+    snapped = snap(read, extended.bare, keeps_cells=keeps_cells)
     # What is wrong with it shows before it is written.
-    load_scenario(scenario_data(*arguments, str(found.absolute()), path.name))
-    data = scenario_data(*arguments, named_in(out, found), path.name)
-    summary = described(path, snapped)
+    load_scenario(scenario_data(snapped, extended, str(found.absolute()), path.name))
+    data = scenario_data(snapped, extended, named_in(out, found), path.name)
+    summary = described(path, snapped, extended.moved_start(snapped.grid))
     write_text(out, f"# {summary}.\n{dump_yaml(data)}".rstrip("\n"))
     table = Table()
     for heading in ("node", "from", "cell", "moved by m"):

@@ -13,7 +13,8 @@ import numpy.typing as npt
 from iout_marl.errors import InputError, printable
 from iout_marl.mission.geography import Floats, Place
 from iout_marl.mission.node_files import NodeFile
-from iout_marl.scenario import Scenario
+from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario.layers import Layer, overrides_layer
 from iout_marl.scenario.sections import Grid, Origin
 from iout_marl.scenario.spacing import spacing_text
 from iout_marl.words import counted
@@ -107,32 +108,78 @@ def _with_origin(grid: Grid, corner: Floats) -> Grid:
     return grid.model_copy(update={"origin": origin})
 
 
+@dataclass(frozen=True)
+class Extended:
+    """What a scenario of nodes extends, and the settings over it.
+
+    Attributes:
+        scenario: as it is.
+        settings: what is changed.
+        bare: with the settings, but of one node, and with AUVs that start at one cell unless the
+            settings say where: what the settings mean for nodes and starts that are replaced
+            does not matter.
+    """
+
+    scenario: Scenario
+    settings: Layer
+    bare: Scenario
+
+    @classmethod
+    def from_source(cls, source: str, settings: Layer) -> Extended:
+        """A scenario by its name or path.
+
+        Raises:
+            InputError: as `load_scenario`; or the settings say where nodes lie.
+        """
+        scenario = load_scenario(source)
+        nodes, auvs = settings.data.get("nodes", {}), settings.data.get("auvs", {})
+        if not isinstance(nodes, dict):
+            raise InputError(f"{settings.origin(('nodes',))}: nodes: must be a mapping of keys")
+        for key, allowed in (("cells", ()), ("kind", ("fixed",))):
+            if key in nodes and nodes[key] not in allowed:
+                where = settings.origin(("nodes", key))
+                raise InputError(f"{where}: nodes lie where the file says")
+        over: dict[str, Any] = {"nodes": {"kind": "fixed", "cells": [[1, 1, 1]], "weights": None}}
+        if isinstance(auvs, dict) and "start_cells" not in auvs:
+            over["auvs.start_cells"] = [[1, 1, 1]]
+            if "count" not in auvs:
+                over["auvs.count"] = scenario.num_auvs
+        return cls(scenario, settings, load_scenario(source, overrides_layer(over).over(settings)))
+
+    def moved_start(self, grid: Grid) -> list[int] | None:
+        """The middle of a grid, if start cells lie outside it that no setting has named."""
+        starts = self.scenario.auvs.start_cells
+        if "start_cells" in self.settings.data.get("auvs", {}):
+            return None
+        if all(_is_inside(cell, grid.cells) for cell in starts):
+            return None
+        return [(n + 1) // 2 for n in grid.cells]
+
+
 def scenario_data(
-    snapped: SnappedNodes, scenario: Scenario, settings: dict[str, Any], extends: str, source: str
+    snapped: SnappedNodes, extended: Extended, extends: str, source: str
 ) -> dict[str, Any]:
     """What a scenario file says of nodes in cells.
 
     Args:
         snapped: the nodes.
-        scenario: what is extended, with the settings.
-        settings: what else the file changes.
-        extends: how it names what it extends.
+        extended: what is extended.
+        extends: how the file names it.
         source: where the nodes are from.
     """
-    grid = snapped.grid
+    grid, settings = snapped.grid, extended.settings.data
     placed = grid.model_dump(mode="json", exclude={"origin"})
     if grid.origin is not None:
         placed["origin"] = grid.origin.model_dump()
     nodes: dict[str, Any] = {"kind": "fixed", "cells": snapped.cells.tolist()}
-    if scenario.nodes.part.weights is not None:
+    if extended.scenario.nodes.part.weights is not None:
         nodes["weights"] = None  # those were of other nodes
+    nodes |= settings.get("nodes", {})
     data = {"extends": extends, "description": f"Nodes of {source}", **settings}
     data |= {"grid": placed, "nodes": nodes}
-    starts = scenario.auvs.start_cells
-    if not all(_is_inside(cell, grid.cells) for cell in starts):
-        middle = [(n + 1) // 2 for n in grid.cells]
-        own = {**settings.get("auvs", {}), "start_cells": [middle], "count": scenario.num_auvs}
-        data["auvs"] = own
+    if (start := extended.moved_start(grid)) is not None:
+        count = extended.bare.num_auvs
+        data["auvs"] = {**settings.get("auvs", {}), "start_cells": [start], "count": count}
     return data
 
 
@@ -140,10 +187,11 @@ def _is_inside(cell: Iterable[int], shape: Iterable[int]) -> bool:
     return all(1 <= at <= n for at, n in zip(cell, shape, strict=True))
 
 
-def described(source: Path, snapped: SnappedNodes) -> str:
-    """How many nodes there are, and how far they moved."""
+def described(source: Path, snapped: SnappedNodes, start: list[int] | None) -> str:
+    """How many nodes there are, how far they moved, and where AUVs start, if elsewhere."""
     moved = snapped.moved_m
+    starts = f"; start cells outside the grid moved to its middle, {start}" if start else ""
     return printable(
         f"{counted(len(moved), 'node')} of {source.name}, each in the cell that it lies in: moved "
-        f"by {moved.mean():.1f} m on average, {moved.max():.1f} m at most"
+        f"by {moved.mean():.1f} m on average, {moved.max():.1f} m at most{starts}"
     )

@@ -144,11 +144,74 @@ def test_metres_need_neither_place_nor_library(iout, monkeypatch, depth):
 def test_starts_outside_a_small_grid_move_to_its_middle(iout):
     Path("n.csv").write_text(as_csv(on_earth(nodes=[(0, 0, 5), (190, 200, 5)])))
     words = ("--set", "auvs={count: 3, motion: hover}")
-    assert iout("scenario", "from-nodes", "n.csv", "--out", "mine", *words)[0] == 0
+    status, out, _ = iout("scenario", "from-nodes", "n.csv", "--out", "mine", *words)
+    assert status == 0
+    moved = "; start cells outside the grid moved to its middle, [2, 2, 1]"
+    assert moved in out
+    assert moved in Path("mine.yaml").read_text().splitlines()[0]
     made = load_scenario("mine")
     assert made.grid.cells == (3, 3, 1)
     assert (made.auvs.start_cells, made.num_auvs) == (((2, 2, 1),), 3)
     assert made.auvs.motion.kind == "hover"
+
+
+NEW = "x,y,z\n0,0,0\n100,0,0\n"
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        (["grid.cells=[2,1,1]"], {"grid": (2, 1, 1), "starts": ((1, 1, 1),)}),
+        (["nodes.weights=[1,2]"], {"weights": (1, 2)}),
+        (["nodes={kind: fixed, weights: [3, 4]}"], {"weights": (3, 4)}),
+        (["nodes.count=1"], {"nodes": 1}),
+        (
+            ["auvs.start_cells=[[1,1,1],[2,1,1]]", "grid.cells=[2,1,1]"],
+            {"starts": ((1, 1, 1), (2, 1, 1)), "auvs": 2},
+        ),
+        (["auvs.count=2", "grid.cells=[2,1,1]"], {"starts": ((1, 1, 1),), "auvs": 2}),
+    ],
+    ids=["grid", "weights", "nodes", "count", "starts", "auvs"],
+)
+@pytest.mark.parametrize("source", ["paper/k3-fdd", "random/k5-fdd"])
+def test_settings_are_of_the_new_nodes_and_grid(iout, settings, expected, source):
+    Path("n.csv").write_text(NEW)
+    words = [word for setting in settings for word in ("--set", setting)]
+    line = iout("scenario", "from-nodes", "n.csv", "--out", "mine", "--from", source, *words)
+    assert (line[0], line[2]) == (0, "")
+    made = load_scenario("mine")
+    found = {
+        "grid": made.grid.cells,
+        "starts": made.auvs.start_cells,
+        "weights": made.node_weights,
+        "nodes": made.num_nodes,
+        "auvs": made.num_auvs,
+    }
+    assert expected.items() <= found.items()
+    assert ("moved to its middle" in line[1]) == (
+        "grid.cells=[2,1,1]" in settings and "auvs.start_cells" not in settings[0]
+    )
+
+
+@pytest.mark.parametrize(
+    ("setting", "line"),
+    [
+        ("nodes.cells=[[1,1,1]]", "--set nodes.cells=[[1,1,1]]: nodes lie where the file says"),
+        ("nodes.kind=random", "--set nodes.kind=random: nodes lie where the file says"),
+        ("nodes.weights=[1,2,3]", "mapping: nodes.weights: must list one weight for each of the 2"),
+        ("nodes=3", "--set nodes=3: nodes: "),
+        ("auvs=3", "--set auvs=3: auvs: "),
+        ("grid=3", "--set grid=3: grid: "),
+        ("grid.cells=[1,1,1]", "n.csv:3: lies outside the grid, in cell [2, 1, 1] of 1×1×1 cells"),
+        ("auvs.start_cells=[[11,1,1]]", "--set auvs.start_cells=[[11,1,1]]: auvs.start_cells[0]: "),
+    ],
+    ids=["cells", "kind", "weights", "no-nodes", "no-auvs", "no-grid", "small-grid", "starts"],
+)
+def test_settings_that_fit_no_new_nodes_or_grid(refused, setting, line):
+    Path("n.csv").write_text(NEW)
+    words = ("scenario", "from-nodes", "n.csv", "--out", "mine", "--set", setting)
+    assert refused(*words).startswith(line)
+    assert not Path("mine.yaml").exists()
 
 
 def test_weights_of_other_nodes_are_left_behind(iout):
