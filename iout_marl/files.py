@@ -132,7 +132,7 @@ def write_atomically(path: Path, data: bytes) -> None:
     write_together({path: data})
 
 
-def part_of(path: Path) -> Path:
+def part_path(path: Path) -> Path:
     """Where a file's next contents are written, before they take its place."""
     return path.with_name(path.name + ".part")
 
@@ -146,7 +146,7 @@ def write_together(files: Mapping[Path, bytes], *, moment: Path | None = None) -
 
     Args:
         files: contents by path, one or more.
-        moment: the file that decides: it alone takes its place, all others wait as `part_of`
+        moment: the file that decides: it alone takes its place, all others wait as `part_path`
             for whoever reads by it.
 
     Raises:
@@ -155,7 +155,7 @@ def write_together(files: Mapping[Path, bytes], *, moment: Path | None = None) -
     path, new, are_written = next(iter(files)), [], False
     try:
         for path, data in files.items():
-            with part_of(path).open("wb") as file:
+            with part_path(path).open("wb") as file:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
@@ -166,14 +166,14 @@ def write_together(files: Mapping[Path, bytes], *, moment: Path | None = None) -
         for path in files if moment is None else [moment]:
             if not os.path.lexists(path):
                 new.append(path)
-            part_of(path).replace(path)
+            part_path(path).replace(path)
         for folder in folders:
             fsync_folder(folder)
     except BaseException as error:
         # Once the file that decides is in its place, the parts of the others are meant.
-        has_passed = moment and are_written and not os.path.lexists(part_of(moment))
+        has_passed = moment and are_written and not os.path.lexists(part_path(moment))
         if not has_passed:
-            for each in (*map(part_of, files), *new):
+            for each in (*map(part_path, files), *new):
                 with suppress(OSError):
                     each.unlink(missing_ok=True)
         if not isinstance(error, OSError):

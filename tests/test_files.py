@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from iout_marl import InputError
-from iout_marl.files import part_of, write_together
+from iout_marl.files import part_path, write_together
 
 
 def contents(folder):
@@ -73,4 +73,4 @@ def test_once_the_file_that_decides_is_in_its_place_the_others_wait(tmp_path, mo
     with pytest.raises(KeyboardInterrupt):
         write_together(files, moment=tmp_path / "c")
     assert contents(tmp_path) == {"a.part": b"a", "b.part": b"b", "c": b"c"}
-    assert part_of(tmp_path / "a").name == "a.part"
+    assert part_path(tmp_path / "a").name == "a.part"

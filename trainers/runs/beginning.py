@@ -16,7 +16,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from iout_marl.errors import InputError
-from iout_marl.files import fsync_folder, part_of, reason
+from iout_marl.files import fsync_folder, part_path, reason
 from trainers.runs.saving import MANIFEST, NAMES, begun
 
 
@@ -67,7 +67,7 @@ def _leftovers(manifest: Path, logs: Iterable[str]) -> list[Path]:
     """Where a run that never saved leaves something, whether there or not."""
     folder = manifest.parent
     names = (*NAMES, MANIFEST) if manifest.name == MANIFEST else (manifest.name,)
-    parts = [part_of(folder / name) for name in names]
+    parts = [part_path(folder / name) for name in names]
     found = folder.iterdir() if folder.is_dir() else ()
     return [*parts, *(p for p in found if any(fnmatchcase(p.name, pattern) for pattern in logs))]
 

@@ -37,7 +37,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from iout_marl.errors import InputError
-from iout_marl.files import parse_json, part_of, read_if_there, reason, to_json, write_together
+from iout_marl.files import parse_json, part_path, read_if_there, reason, to_json, write_together
 
 #: Changes whenever older manifests can no longer be read.
 FORMAT = 1
@@ -136,7 +136,7 @@ def manifest_of(folder: Path) -> Manifest | None:
     path = folder / MANIFEST
     own = read_if_there(path)
     wanted = _wanted_by_group(folder)
-    for data in (own, read_if_there(part_of(path)), read_if_there(path)) if wanted else ():
+    for data in (own, read_if_there(part_path(path)), read_if_there(path)) if wanted else ():
         if data is not None and digest(data) == wanted:
             return Manifest.parse(path, data, _OF_RUN)
     if own is None:
@@ -176,7 +176,7 @@ def _read_files(folder: Path, manifest: Manifest | None) -> dict[str, bytes]:
     for name, wanted in manifest.files.items():
         path, is_there = folder / name, False
         # A training may put the part in its place after the first look and before the second.
-        for place in (path, part_of(path), path):
+        for place in (path, part_path(path), path):
             data = read_if_there(place)
             is_there |= data is not None and place is path
             if data is not None and digest(data) == wanted:
@@ -307,11 +307,11 @@ def settle(folder: Path) -> None:
     try:
         for name in (*NAMES, MANIFEST):
             path = folder / name
-            data = read_if_there(part_of(path))
+            data = read_if_there(part_path(path))
             if data is not None and digest(data) == wanted.get(name):
-                part_of(path).replace(path)
+                part_path(path).replace(path)
             elif data is not None:
-                part_of(path).unlink(missing_ok=True)
+                part_path(path).unlink(missing_ok=True)
             if manifest is not None and name not in wanted:
                 path.unlink(missing_ok=True)  # a result of a shorter training
         if manifest is not None:
