@@ -205,6 +205,6 @@ def _written(folder: Path, markdown: Path | None = None, *, kept: bool = False) 
         write_text(text, rendered.rstrip("\n"))
     except InputError as error:
         once_more = shlex.join(["iout", "report", str(folder), *import_words()])
-        told = f"; the results are kept, write their report with: {once_more}" if kept else ""
-        raise InputError(f"{error}{told}") from None
+        hint = f"; the results are kept, write their report with: {once_more}" if kept else ""
+        raise InputError(f"{error}{hint}") from None
     return [*map(plain_text, built.lead), f"The report is {folder / 'report.html'}"]

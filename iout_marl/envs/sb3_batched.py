@@ -232,12 +232,12 @@ class SB3VecEnv(VecEnv):
 
     def _infos(self) -> Infos:
         world = self._episodes.world
-        told = self._episodes.info()
-        table = np.empty((world.num_envs, world.num_auvs, len(told)))
-        for column, values in enumerate(told.values()):
+        columns = self._episodes.info()
+        table = np.empty((world.num_envs, world.num_auvs, len(columns)))
+        for column, values in enumerate(columns.values()):
             table[..., column] = values if values.ndim == 2 else values[:, None]
         rows = table.reshape(self.num_envs, -1).tolist()
-        infos: Infos = [dict(zip(told, row, strict=True)) for row in rows]
+        infos: Infos = [dict(zip(columns, row, strict=True)) for row in rows]
         if self._episodes.mask_place == "info":
             for info, mask in zip(infos, self._int8_masks().copy(), strict=True):
                 info["action_mask"] = mask

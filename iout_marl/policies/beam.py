@@ -89,11 +89,11 @@ class BeamSearch:
                 # The first child of the first episode.
                 action[0] = known[slot]
             after = self._simulator.step(rows(beam, self._parents), action)
-            prospect = self._score(after, weights, len(route) - slot - 1)
+            score = self._score(after, weights, len(route) - slot - 1)
             if known is not None:
-                prospect[0] = -np.inf
+                score[0] = -np.inf
             # Episodes that come to the same by other ways are one.
-            _, distinct = np.unique(prospect.round(6), return_index=True)
+            _, distinct = np.unique(score.round(6), return_index=True)
             kept = np.resize(distinct[: self._width], self._width)
             actions.append(action[kept])
             parents.append(self._parents[kept])
@@ -133,5 +133,5 @@ class BeamSearch:
         to_come = (state.age * np.minimum(lasting, slots_left)).sum(-1)
         stores = np.log(state.energy_j + near_uplink_j(world)).sum(-1)
         worth = weights.store_slots * min(1.0, slots_left / STORES_LAST_SLOTS)
-        prospect: Floats = (state.age_sum - worth * stores) * world.num_nodes + to_come
-        return prospect
+        score: Floats = (state.age_sum - worth * stores) * world.num_nodes + to_come
+        return score

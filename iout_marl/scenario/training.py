@@ -76,7 +76,7 @@ class Training(Section):
     #: whole network beside it (MAPPO). With difference rewards it also sees what they are made
     #: of. AUVs share one actor and one critic in either.
     critic: Literal["own", "central"] = "own"
-    #: Add to the actor's score of every node what a small network, the same for all nodes, makes
+    #: Add to the actor's logit of every node what a small network, the same for all nodes, makes
     #: of its age and energy: for many nodes.
     node_network: bool = False
     #: Inputs of the networks: `none`, `fixed` (by the observation's ranges) or

@@ -240,8 +240,8 @@ def _failure(cell: Cell, error: Exception) -> Failure:
     reason = (str(error).strip() or type(error).__name__).splitlines()[0]
     if not isinstance(error, InputError):
         reason = f"{type(error).__name__}: {reason}"
-    told = show(reason)[:LONGEST]
-    return Failure(series=cell.series, axis=cell.axis, seed=cell.seed, error=told)
+    shown = show(reason)[:LONGEST]
+    return Failure(series=cell.series, axis=cell.axis, seed=cell.seed, error=shown)
 
 
 def _is_full(path: Path) -> bool:

@@ -44,15 +44,15 @@ def outcomes(world: World, before: State, events: Events, after: State) -> Outco
     )
     lost = ~np.asarray(events.delivered)
     found: Outcomes = [[NOT_STATED if each else None for each in row] for row in lost.tolist()]
-    told = np.zeros_like(lost)
+    has_reason = np.zeros_like(lost)
     silent, unheard = ~np.asarray(sends), np.asarray(sends)
     for part, among, reasons in (
         (world.duplex, silent, world.duplex.why_silent(split, available_j)),
         (world.access, unheard, world.access.why_lost(request, split)),
     ):
         for reason, flags in _checked(part, reasons, lost.shape):
-            new = flags & among & lost & ~told
-            told |= new
+            new = flags & among & lost & ~has_reason
+            has_reason |= new
             for env, auv in np.argwhere(new).tolist():
                 found[env][auv] = reason
     return found
