@@ -184,6 +184,24 @@ def test_the_paper_is_a_client_of_the_library(graph):
     assert naming == {"iout_marl.report.registry"}
 
 
+def functions(source):
+    """The functions of a module, without the underscore of those that are its own."""
+    found = ast.parse(source).body
+    return {node.name.lstrip("_") for node in found if isinstance(node, ast.FunctionDef)}
+
+
+def test_words_of_messages_and_tables_are_made_in_one_place():
+    sources = modules()
+    makers = {
+        name: module
+        for module in ("iout_marl.words", "iout_marl.errors")
+        for name in functions(sources[module])
+    }
+    for module, source in sources.items():
+        for name in functions(source) & makers.keys():
+            assert makers[name] == module, f"{module} has a {name} of its own"
+
+
 def test_every_layer_is_one():
     for names in LAYERS:
         for name in names:

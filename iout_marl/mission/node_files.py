@@ -18,6 +18,7 @@ from iout_marl.mission.geography import Floats
 from iout_marl.scenario.fields import MAX_NODES
 from iout_marl.scenario.places import show_file
 from iout_marl.whole import is_number, short
+from iout_marl.words import listed
 
 #: What columns may be called, after `_plain`.
 _NAMES = {
@@ -85,7 +86,7 @@ def _columns(headings: Sequence[str], where: str) -> dict[str, int]:
     for meaning, names in _NAMES.items():
         places = [i for i, name in enumerate(plain) if name in names]
         if len(places) > 1:
-            twice = " and ".join(repr(headings[i]) for i in places)
+            twice = listed([repr(headings[i]) for i in places])
             raise InputError(f"{where}: has two columns for the {meaning}: {twice}")
         if places:
             found[meaning] = places[0]

@@ -24,7 +24,6 @@ from iout_marl.paper.paper_data import mean_distance_from_start
 from iout_marl.report.intake import curves
 from iout_marl.report.measures import (
     MOST_DIGITS,
-    counted,
     difference,
     fixed,
     metric,
@@ -36,6 +35,7 @@ from iout_marl.report.measures import (
 )
 from iout_marl.report.study_figures import episode_of, seconds
 from iout_marl.study.results import Results
+from iout_marl.words import counted
 
 Explanation: TypeAlias = Callable[[Results], list[str]]
 

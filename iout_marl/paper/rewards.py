@@ -9,7 +9,6 @@ from iout_marl.paper.checks import Check, symbol
 from iout_marl.paper.names import BEST_FDD, BEST_TDD, FDD, TDD
 from iout_marl.report.document import Table
 from iout_marl.report.measures import (
-    counted,
     fixed,
     percent,
     place_text,
@@ -19,6 +18,7 @@ from iout_marl.report.measures import (
 from iout_marl.report.measures import metric as metric_text
 from iout_marl.report.study_figures import protocol
 from iout_marl.study.results import Results
+from iout_marl.words import counted
 
 #: Mode, the paper's reward, the mean-AoI reward, and groups with single changes of it.
 MODES = (

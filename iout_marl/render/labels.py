@@ -59,7 +59,7 @@ _DIRECTIONS = {
 }
 
 
-def printable(text: str) -> str:
+def displayable(text: str) -> str:
     """`text` on one line, of characters that every display takes, for any text of a user's.
 
     What turns the direction of writing is ended, lest it turn what comes after the text.
@@ -78,7 +78,7 @@ def printable(text: str) -> str:
 
 def shortened(text: str, length: int) -> str:
     """`text` on one line of at most `length` columns of a terminal."""
-    text = printable(" ".join(text.split()))
+    text = displayable(" ".join(text.split()))
     if cell_len(text) > length:
-        text = printable(set_cell_size(text, length - 1).rstrip() + "…")
+        text = displayable(set_cell_size(text, length - 1).rstrip() + "…")
     return text

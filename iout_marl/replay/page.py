@@ -18,7 +18,7 @@ from iout_marl.files import to_json
 from iout_marl.inline import code_for_script, json_for_script
 from iout_marl.render import style
 from iout_marl.render.hull import hull_svg
-from iout_marl.render.labels import energy_text, printable
+from iout_marl.render.labels import displayable, energy_text
 from iout_marl.render.layout import drawn_edges, place_nodes, stretched_axes
 from iout_marl.replay.film import TRAIL_SLOTS
 from iout_marl.replay.recording import Recording
@@ -45,9 +45,9 @@ def render_page(recordings: Sequence[Recording]) -> str:
     """
     check_together(recordings)
     shared, own = _facts(recordings)
-    names = [printable(r.scenario) for r in recordings]
+    names = [displayable(r.scenario) for r in recordings]
     parts = {
-        "title": html.escape(f"{names[0]}: {listed([printable(r.policy) for r in recordings])}"),
+        "title": html.escape(f"{names[0]}: {listed([displayable(r.policy) for r in recordings])}"),
         "style": _asset("page.css"),
         "data": json_for_script(
             to_json(
@@ -104,7 +104,7 @@ def _asset(*path: str) -> str:
 def _facts(recordings: Sequence[Recording]) -> tuple[str, list[str]]:
     """The scenario in one line: what all episodes share, and of each what is its own."""
     # Heading and legend show what `elsewhere` says, as long as it is the same.
-    elsewhere = [(printable(r.scenario), f"energy full at {_gauge(r)}") for r in recordings]
+    elsewhere = [(displayable(r.scenario), f"energy full at {_gauge(r)}") for r in recordings]
     facts = [
         (
             *names,
@@ -114,7 +114,7 @@ def _facts(recordings: Sequence[Recording]) -> tuple[str, list[str]]:
             _cells(recording),
             f"{counted(recording.num_slots, 'slot')} of {recording.slot_s:g} s",
             "" if recording.seed is None else f"seed {recording.seed}",
-            f"scenario {printable(recording.scenario_hash)}",
+            f"scenario {displayable(recording.scenario_hash)}",
         )
         for names, recording in zip(elsewhere, recordings, strict=True)
     ]
@@ -171,13 +171,13 @@ def _look() -> dict[str, Any]:
 def _episode(r: Recording) -> dict[str, Any]:
     """What the page knows of an episode; lists are flat, slots or places first."""
     return {
-        "policy": printable(r.policy),
+        "policy": displayable(r.policy),
         "grid": list(r.grid),
         "slot_s": r.slot_s,
         "max_age": r.maximum_age,
         "gauge_j": r.snapshot(0).energy_yardstick_j,
         "auvs": r.num_auvs,
-        "reasons": [[reason.code, printable(reason.text)] for reason in r.reasons],
+        "reasons": [[reason.code, displayable(reason.text)] for reason in r.reasons],
         "nodes": r.nodes.tolist(),
         "places": {
             "above": _node_places(r, [0, 1]),

@@ -14,13 +14,13 @@ from iout_marl.report.figure import Axis, Line, Plot
 from iout_marl.report.measures import (
     NO_BREAK,
     bound_text,
-    counted,
     fixed,
     metric,
     place_text,
 )
 from iout_marl.report.study_figures import axis_of, protocol
 from iout_marl.study.results import Measured, Results, measured_of
+from iout_marl.words import counted
 
 #: Gaps are drawn on a logarithmic axis; smaller ones are drawn as this, in percent.
 LEAST_DRAWN = 0.1

@@ -11,7 +11,7 @@ from iout_marl.report.document import Report, Section, Table
 from iout_marl.report.fronts import front_section
 from iout_marl.report.gaps import gap_lead, gap_section
 from iout_marl.report.markup import as_data
-from iout_marl.report.measures import counted, duration, metric_mean, place_text
+from iout_marl.report.measures import duration, metric_mean, place_text
 from iout_marl.report.registry import reports
 from iout_marl.report.study_figures import (
     learning_figure,
@@ -20,6 +20,7 @@ from iout_marl.report.study_figures import (
     trajectory_figure,
 )
 from iout_marl.study.results import Results
+from iout_marl.words import counted
 
 #: Series that a figure has room for, and those whose paths are shown.
 MOST_SERIES, MOST_PATHS = 24, 4

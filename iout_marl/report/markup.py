@@ -14,7 +14,7 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from iout_marl.inline import json_for_script
-from iout_marl.render.labels import printable, shortened
+from iout_marl.render.labels import displayable, shortened
 
 #: Stands for a backtick of a user's, which marks no code; Unicode keeps it free for programs.
 _BACKTICK = "\ufdd0"
@@ -37,7 +37,7 @@ _EMOJI = re.compile(r":(?=[\w+-]+:)")
 
 def as_data(text: str) -> str:
     """A user's text for a report: one line without control characters, and no code in it."""
-    return printable(text).replace("`", _BACKTICK)
+    return displayable(text).replace("`", _BACKTICK)
 
 
 def plain_text(text: str, length: int | None = None) -> str:

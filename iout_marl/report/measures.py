@@ -102,11 +102,6 @@ def bound_text(value: float, digits: int) -> str:
     return rounded_down(value, digits) if abs(value) < MOST_DIGITS else fixed(value, digits)
 
 
-def counted(count: int, what: str) -> str:
-    """`1 run`, `2 runs`."""
-    return f"{count:,} {what}{'' if count == 1 else 's'}"
-
-
 def has_interval(estimate: Estimate) -> bool:
     """Whether there is an interval to tell of: not of one value, nor of values all alike."""
     return math.isfinite(estimate.high - estimate.low) and estimate.low < estimate.high

@@ -16,9 +16,9 @@ from iout_marl.report.document import Answers, Report, Table, Verdict
 from iout_marl.report.figure import Figure, TrajectoryPlot
 from iout_marl.report.markup import html_cell, html_text, json_script, plain_text
 from iout_marl.report.matplotlib_writer import draw
-from iout_marl.report.measures import counted
 from iout_marl.report.plot_layout import legend, name_lines
 from iout_marl.report.plotly_writer import plotly_json
+from iout_marl.words import counted
 
 #: In words of a class name, and with a sign, so that no verdict rests on its colour alone.
 _VERDICTS: dict[Verdict, tuple[str, str]] = {

@@ -13,7 +13,6 @@ from iout_marl.report.figure import Axis, Line, Plot, TrajectoryPlot
 from iout_marl.report.intake import curves
 from iout_marl.report.measures import (
     bound_text,
-    counted,
     metric_heading,
     metric_mean,
     place_text,
@@ -21,6 +20,7 @@ from iout_marl.report.measures import (
 from iout_marl.report.measures import metric as metric_text
 from iout_marl.study.results import Measured, Record, Results
 from iout_marl.trajectory import Trajectory
+from iout_marl.words import counted, listed
 
 #: From this factor between the largest value and the smallest on, an axis is logarithmic.
 LOG_FROM = 100
@@ -40,14 +40,14 @@ def protocol(results: Results, series: Sequence[str], *, intervals: bool = True)
         if name not in bounds:
             groups.setdefault(_runs(results, name, intervals=intervals), []).append(name)
     sentences = [
-        f"{_listed(names) if len(groups) > 1 else 'Every series'}: {runs}."
+        f"{listed(names) if len(groups) > 1 else 'Every series'}: {runs}."
         for runs, names in groups.items()
     ]
     if bounds:
         found = (record.search for name in bounds for record in results.records(name))
         stated = dict.fromkeys(filter(None, (search.partition("; ")[2] for search in found)))
         certified = "certified, no policy's mean AoI is lower"
-        sentences.append(f"{_listed(bounds)}: {', '.join([certified, *stated])}.")
+        sentences.append(f"{listed(bounds)}: {', '.join([certified, *stated])}.")
     return " ".join(sentences)
 
 
@@ -68,10 +68,6 @@ def _runs(results: Results, series: str, *, intervals: bool) -> str:
             "all alike, without an interval" if alike else "95 % interval of the mean over episodes"
         )
     return f"{text}; a single episode, without an interval"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def metric_figure(

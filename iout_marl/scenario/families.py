@@ -32,6 +32,7 @@ from iout_marl.scenario.layers import Layer, settings_layer
 from iout_marl.scenario.placeholders import fill_placeholders, placeholders, word_of
 from iout_marl.scenario.places import Places, shorten, show_file, show_path, show_value
 from iout_marl.scenario.problems import validate
+from iout_marl.words import listed
 
 #: More members than a family has.
 MAX_MEMBERS = 1_000
@@ -236,7 +237,7 @@ def _members(
             raise refuse(("name",), f"makes {show_value(name)}: {rule}")
         if name in members:
             missing = [f"{{{axis}}}" for axis in settings if axis not in placeholders(pattern)]
-            tell = f"; tell them apart by {' and '.join(missing)}" if missing else ""
+            tell = f"; tell them apart by {listed(missing)}" if missing else ""
             raise refuse(("name",), f"two members are called {show_value(name)}{tell}")
         members[name] = axes
     for i, name in enumerate(checked.without):

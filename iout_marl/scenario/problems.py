@@ -14,6 +14,7 @@ from iout_marl.outside import load_entry_points
 from iout_marl.scenario.keys import Unknown, all_keys, unknown_keys
 from iout_marl.scenario.layers import Layer
 from iout_marl.scenario.places import KeyPath, shorten, show_path, show_value
+from iout_marl.words import listed
 
 Model = TypeVar("Model", bound=BaseModel)
 #: Unknown keys that a message describes; of more it gives the number.
@@ -58,7 +59,7 @@ def _hint(model: type[BaseModel], unknown: Unknown, *, or_list: bool) -> str:
     key, own = str(unknown.path[-1]), unknown.model.model_fields
     near = did_you_mean(shorten(key), own, or_list=False)
     if unknown.other_kinds:
-        kinds = " and ".join(repr(kind) for kind in unknown.other_kinds)
+        kinds = listed(list(map(repr, unknown.other_kinds)))
         return f" of kind {unknown.kind!r}: it belongs to kind {kinds}{near}"
     if key in ("extends", "matrix"):
         return f": {key} stands at the top of a file"

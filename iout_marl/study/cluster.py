@@ -21,6 +21,7 @@ from iout_marl.study.cells import Cell
 from iout_marl.study.fields import show
 from iout_marl.study.pools import Outcomes
 from iout_marl.study.worker import Output, run_cell
+from iout_marl.words import counted
 
 #: Seconds in which a scheduler must answer.
 CONNECT_S = 10
@@ -102,12 +103,12 @@ class DaskCluster:
     def describe(self) -> str:
         """See `Pool`."""
         workers = len(self._client.scheduler_info(n_workers=-1)["workers"])
-        told = f"{workers} worker" + ("" if workers == 1 else "s") + " of the cluster"
+        text = f"{counted(workers, 'worker')} of the cluster"
         if not workers:
-            told += f": waiting for the first (dask worker {self._client.scheduler.address})"
+            text += f": waiting for the first (dask worker {self._client.scheduler.address})"
         if self._differing:
-            told += f" (versions differ between its machines: {', '.join(self._differing)})"
-        return told
+            text += f" (versions differ between its machines: {', '.join(self._differing)})"
+        return text
 
     def run(self, cells: Sequence[Cell], carbon_g_per_kwh: float) -> Outcomes:
         """See `Pool`.

@@ -15,7 +15,6 @@ from iout_marl.paper.paper_data import claims
 from iout_marl.report.build import build_report
 from iout_marl.report.markdown import render_markdown
 from iout_marl.report.measures import (
-    counted,
     difference,
     duration,
     fixed,
@@ -98,11 +97,6 @@ def test_an_interval_is_told_only_where_there_is_one():
     assert number(Estimate(3.0, 2.96, math.inf), 1) == "3.0"
     assert number(Estimate(3.0, 2.9, 3.1), 1) == "3.0 (2.9 to 3.1)"
     assert percent(Estimate(-0.0004, -0.01, 0.01)).startswith("0.0\N{NO-BREAK SPACE}%")
-
-
-@pytest.mark.parametrize(("count", "text"), [(0, "0 runs"), (1, "1 run"), (2000, "2,000 runs")])
-def test_one_is_not_several(count, text):
-    assert counted(count, "run") == text
 
 
 @pytest.mark.parametrize("samples", [(0.0,), (0.0, 0.0), (0.0, 5e-324), (1e308, 1e308, -1e308)])

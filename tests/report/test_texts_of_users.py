@@ -12,7 +12,7 @@ from markdown_it import MarkdownIt
 from watched import Watched
 
 from iout_marl.errors import InputError
-from iout_marl.render.labels import printable
+from iout_marl.render.labels import displayable
 from iout_marl.report.build import build_report
 from iout_marl.report.document import Table, to_csv
 from iout_marl.report.markdown import render_markdown
@@ -36,7 +36,7 @@ each_text = pytest.mark.parametrize("text", [*NAMES, *REFUSED], ids=lambda text:
 
 def as_shown(text):
     """A text as a reader sees it: blanks in a row are one."""
-    return " ".join(printable(text).split())
+    return " ".join(displayable(text).split())
 
 
 def named(names=NAMES):
@@ -117,8 +117,8 @@ def test_html_and_plotly_get_no_tag_and_no_code_of_it(text):
 
 
 def test_what_turns_the_direction_of_writing_ends_with_the_name():
-    assert printable("a \u202eb \u2066c") == "a \u202eb \u2066c\u2069\u202c"
-    assert printable("\u2066a\u2069") == "\u2066a\u2069"
+    assert displayable("a \u202eb \u2066c") == "a \u202eb \u2066c\u2069\u202c"
+    assert displayable("\u2066a\u2069") == "\u2066a\u2069"
 
 
 def test_csv_has_it_in_one_cell(report):
@@ -127,7 +127,7 @@ def test_csv_has_it_in_one_cell(report):
         rows = list(csv.reader(io.StringIO(to_csv(figure.rows()))))
         assert {len(row) for row in rows} == {5}
         found |= {row[0] for row in rows[1:]}
-    assert found == {printable(name) for name in NAMES}
+    assert found == {displayable(name) for name in NAMES}
 
 
 def test_names_that_look_alike_once_cleaned_stay_two():
