@@ -13,16 +13,22 @@ from iout_marl.physics.absorption import (
     thorp_absorption_db_per_km,
 )
 from iout_marl.physics.harvesting import (
+    aperture_power_w,
     available_power_w,
     harvested_energy_j,
     harvested_power_w,
+    incident_power_w,
     induced_voltage_v,
 )
 from iout_marl.physics.noise import ambient_noise_band_level_db, ambient_noise_spectral_level_db
 from iout_marl.physics.propagation import (
     REFERENCE_LEVEL_DB,
+    SEA_WATER_KG_PER_M3,
+    SOUND_SPEED_M_PER_S,
     electrical_power_w,
+    intensity_w_per_m2,
     received_level_db,
+    round_trip_s,
     source_level_db,
     table_attenuation_db,
     transmission_loss_db,
@@ -41,7 +47,9 @@ from iout_marl.physics.splitting import (
     smallest_beta,
 )
 from iout_marl.physics.uplink import (
+    airtime_s,
     approximate_required_energy_j,
+    modem_energy_j,
     required_energy_j,
     required_snr,
     sonar_transmit_power_w,
@@ -50,8 +58,12 @@ from iout_marl.physics.uplink import (
 
 __all__ = [
     "REFERENCE_LEVEL_DB",
+    "SEA_WATER_KG_PER_M3",
+    "SOUND_SPEED_M_PER_S",
+    "airtime_s",
     "ambient_noise_band_level_db",
     "ambient_noise_spectral_level_db",
+    "aperture_power_w",
     "approximate_required_energy_j",
     "attenuation_at_balance_db",
     "attenuation_distance_m",
@@ -64,14 +76,18 @@ __all__ = [
     "h",
     "harvested_energy_j",
     "harvested_power_w",
+    "incident_power_w",
     "induced_voltage_v",
+    "intensity_w_per_m2",
     "kappa",
     "kappa_2",
     "kappa_3",
     "mackenzie_sound_speed_m_per_s",
+    "modem_energy_j",
     "received_level_db",
     "required_energy_j",
     "required_snr",
+    "round_trip_s",
     "smallest_beta",
     "sonar_transmit_power_w",
     "source_level_db",

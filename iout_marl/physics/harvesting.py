@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
 from iout_marl.physics.formula import COUNT, EFFICIENCY, NOT_NEGATIVE, POSITIVE, REAL, formula
+from iout_marl.physics.propagation import intensity_w_per_m2
 
 
 @formula(received_level_db=REAL, sensitivity_db=REAL)
@@ -74,6 +75,69 @@ def harvested_power_w(
         available_power_w.unchecked(voltage, load_resistance_ohm), efficiency, hydrophones
     )
     return n * eta * available
+
+
+@formula(received_level_db=REAL, area_m2=POSITIVE, acoustic_power_w=NOT_NEGATIVE)
+def incident_power_w(
+    received_level_db: ArrayLike, area_m2: ArrayLike, acoustic_power_w: ArrayLike
+) -> Array:
+    """Sound that passes through an area, min(I·A, P_acoustic): never more than is emitted.
+
+    Near a source of high directivity I·A alone would exceed it.
+
+    Args:
+        received_level_db: RL in dB re 1 µPa, that of real pressures.
+        area_m2: A in m², above 0.
+        acoustic_power_w: P_acoustic of the source in W, not negative.
+
+    Returns:
+        power in W, in the broadcast shape of the arguments.
+
+    Raises:
+        InputError: an argument lies outside its range.
+    """
+    xp, level, area, emitted = as_arrays(received_level_db, area_m2, acoustic_power_w)
+    passing = intensity_w_per_m2.unchecked(level) * area
+    return xp.where(passing < emitted, passing, emitted)
+
+
+@formula(
+    received_level_db=REAL,
+    area_m2=POSITIVE,
+    acoustic_power_w=NOT_NEGATIVE,
+    efficiency=EFFICIENCY,
+    threshold_w=NOT_NEGATIVE,
+)
+def aperture_power_w(
+    received_level_db: ArrayLike,
+    area_m2: ArrayLike,
+    acoustic_power_w: ArrayLike,
+    efficiency: ArrayLike,
+    threshold_w: ArrayLike = 0.0,
+) -> Array:
+    """Power that a receiver of a known aperture harvests, η min(I·A, P_acoustic).
+
+    Nothing is harvested where what passes the aperture stays below the rectifier's threshold.
+
+    Args:
+        received_level_db: RL in dB re 1 µPa, that of real pressures.
+        area_m2: aperture A in m², above 0.
+        acoustic_power_w: P_acoustic of the source in W, not negative.
+        efficiency: acoustic-electric efficiency η, above 0 and at most 1.
+        threshold_w: acoustic power from which on the rectifier works, in W, not negative.
+
+    Returns:
+        power in W, in the broadcast shape of the arguments.
+
+    Raises:
+        InputError: an argument lies outside its range.
+    """
+    xp, incident, eta, threshold = as_arrays(
+        incident_power_w.unchecked(received_level_db, area_m2, acoustic_power_w),
+        efficiency,
+        threshold_w,
+    )
+    return xp.where(incident >= threshold, eta * incident, xp.zeros_like(incident))
 
 
 @formula(power_w=NOT_NEGATIVE, charging_s=NOT_NEGATIVE)

@@ -15,6 +15,9 @@ from iout_marl.physics.formula import EFFICIENCY, NOT_NEGATIVE, POSITIVE, REAL, 
 
 #: Level of 1 W of acoustic power, 1 m from an omnidirectional source, in dB re 1 µPa.
 REFERENCE_LEVEL_DB = 170.8
+#: Density of sea water in kg/m³ and speed of sound in it in m/s, as rounded as they are used:
+#: a plane wave of 1 µPa then carries 6.5·10⁻¹⁹ W/m².
+SEA_WATER_KG_PER_M3, SOUND_SPEED_M_PER_S = 1025.0, 1500.0
 #: Spreading factors k_s: none in a duct, 1 cylindrical, 2 spherical, more over a lossy bottom.
 SPREADING = within(0, 4)
 
@@ -121,3 +124,35 @@ def received_level_db(
     """
     _, sl, al, nl = as_arrays(source_level_db, attenuation_db, noise_level_db)
     return sl - al - nl
+
+
+@formula(received_level_db=REAL)
+def intensity_w_per_m2(received_level_db: ArrayLike) -> Array:
+    """Intensity of a plane wave, I = p²/(ρ c) with p = 10^(RL/20) µPa.
+
+    With ρ = 1025 kg/m³ and c = 1500 m/s, 0 dB re 1 µPa is 6.5·10⁻¹⁹ W/m². (R. J. Urick,
+    'Principles of Underwater Sound', 3rd ed. (1983), ch. 1.)
+
+    Args:
+        received_level_db: RL in dB re 1 µPa.
+
+    Returns:
+        intensity in W/m², in the shape of the levels.
+    """
+    _, level = as_arrays(received_level_db)
+    impedance = SEA_WATER_KG_PER_M3 * SOUND_SPEED_M_PER_S
+    return 10 ** (level / 10) * (1e-12 / impedance)
+
+
+@formula(distance_m=NOT_NEGATIVE)
+def round_trip_s(distance_m: ArrayLike) -> Array:
+    """Time for a call and its answer, 2 d/c with c = 1500 m/s, in s.
+
+    Args:
+        distance_m: distance d in m, not negative.
+
+    Raises:
+        InputError: a distance is negative.
+    """
+    _, d = as_arrays(distance_m)
+    return 2 * d / SOUND_SPEED_M_PER_S

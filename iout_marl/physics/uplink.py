@@ -93,6 +93,51 @@ def required_energy_j(power_w: ArrayLike, uplink_s: ArrayLike) -> Array:
     return power * duration
 
 
+@formula(packet_bits=POSITIVE, bit_rate_bps=POSITIVE)
+def airtime_s(packet_bits: ArrayLike, bit_rate_bps: ArrayLike) -> Array:
+    """How long a modem sends a packet, L/R, in s.
+
+    Args:
+        packet_bits: L in bits, above 0.
+        bit_rate_bps: R in bit/s, above 0.
+
+    Raises:
+        InputError: an argument is not above 0.
+    """
+    _, bits, rate = as_arrays(packet_bits, bit_rate_bps)
+    return bits / rate
+
+
+@formula(
+    transmit_power_w=NOT_NEGATIVE,
+    electronics_power_w=NOT_NEGATIVE,
+    packet_bits=POSITIVE,
+    bit_rate_bps=POSITIVE,
+)
+def modem_energy_j(
+    transmit_power_w: ArrayLike,
+    electronics_power_w: ArrayLike,
+    packet_bits: ArrayLike,
+    bit_rate_bps: ArrayLike,
+) -> Array:
+    """Energy that a modem takes for a packet, (P_electronics + P_trans)·L/R, in J.
+
+    Args:
+        transmit_power_w: electric power of the transmitter in W, see `sonar_transmit_power_w`;
+            not negative.
+        electronics_power_w: what everything else draws meanwhile, in W, not negative.
+        packet_bits: L in bits, above 0.
+        bit_rate_bps: R in bit/s, above 0.
+
+    Raises:
+        InputError: an argument lies outside its range.
+    """
+    _, transmit, electronics, airtime = as_arrays(
+        transmit_power_w, electronics_power_w, airtime_s.unchecked(packet_bits, bit_rate_bps)
+    )
+    return (electronics + transmit) * airtime
+
+
 @formula(attenuation_db=REAL, kappa=NOT_NEGATIVE)
 def approximate_required_energy_j(attenuation_db: ArrayLike, kappa: ArrayLike) -> Array:
     """The paper's E_req ≈ κ·10^(AL/10), free of β (eq. `e_req_approximation`), in J.
