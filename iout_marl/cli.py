@@ -14,7 +14,7 @@ from rich.text import Text
 
 from iout_marl import __version__, startup
 from iout_marl.cli_bound import bound_command
-from iout_marl.cli_errors import reason_of
+from iout_marl.cli_errors import notes_in_a_line, reason_of
 from iout_marl.cli_export import export
 from iout_marl.cli_json_schema import schema
 from iout_marl.cli_mission import mission
@@ -273,7 +273,7 @@ def _run(arguments: list[str]) -> tuple[int, str]:
         startup.stop_guarding()
         prepare_streams()
         # What is too large to compute with, the results say: a warning would say it elsewhere.
-        with np.errstate(all="ignore"), inputs_noted():
+        with np.errstate(all="ignore"), inputs_noted(), notes_in_a_line():
             command = typer.main.get_command(app)
             with command.make_context("iout", list(arguments) or ["--help"]) as context:
                 command.invoke(context)

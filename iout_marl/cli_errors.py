@@ -2,14 +2,34 @@
 
 from __future__ import annotations
 
-from typing import cast
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, cast
 
 import typer
 
-from iout_marl.errors import InputError, is_lack_of_memory, printable
+from iout_marl.errors import InputError, Note, is_lack_of_memory, printable
+from iout_marl.terminal import complain
 
 #: What Typer raises for a command line that it cannot read.
 UsageError = cast("type[Exception]", typer.BadParameter.__base__)
+
+
+@contextmanager
+def notes_in_a_line() -> Iterator[None]:
+    """Print a `Note` as one line on standard error, other warnings as Python does."""
+    with warnings.catch_warnings():
+        show = warnings.showwarning
+
+        def show_note(message: Any, category: type[Warning], *where: Any, **options: Any) -> None:
+            if issubclass(category, Note):
+                complain(f"note: {printable(str(message))}")
+            else:
+                show(message, category, *where, **options)
+
+        warnings.showwarning = show_note  # type: ignore[assignment]
+        yield
 
 
 def reason_of(error: Exception) -> str | None:

@@ -1,8 +1,10 @@
-"""Errors that a user can fix."""
+"""Errors that a user can fix, and what a user should know though nothing fails."""
 
 from __future__ import annotations
 
 import difflib
+import functools
+import warnings
 from collections.abc import Iterable
 
 #: Parts of what libraries say where they find no memory, or where no memory could ever do, in
@@ -32,6 +34,16 @@ class InputError(ValueError):
     def __init__(self, message: str) -> None:
         # Keys and values of the user's may hold line breaks, and be of any length.
         super().__init__(_without_middle(printable(_without_middle(message))))
+
+
+class Note(RuntimeWarning):
+    """What should be known of results: one line, which the command line prints as a note."""
+
+
+@functools.cache
+def warn_once(message: str) -> None:
+    """Warn by a `Note`, once in a process."""
+    warnings.warn(message, Note, stacklevel=2)
 
 
 def is_lack_of_memory(error: BaseException) -> bool:

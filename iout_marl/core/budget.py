@@ -23,10 +23,10 @@ class LinkBudget:
         duplex = scenario.duplex.part
         self.charging_frequency_khz: float = duplex.charging_frequency_khz
         self.uplink_frequency_khz: float = duplex.uplink_frequency_khz
+        self._harvester, self._uplink = scenario.harvester.part, scenario.uplink.part
+        self._num_bands: int = self._channel.access.num_bands(scenario.num_auvs)
         #: Bandwidth of an uplink in Hz.
-        self.bandwidth_hz: float = scenario.uplink.bandwidth_hz / self._channel.access.num_bands(
-            scenario.num_auvs
-        )
+        self.bandwidth_hz: float = self._uplink.bandwidth_hz / self._num_bands
 
     def attenuation_db(self, distance_m: ArrayLike, frequency_khz: float) -> Array:
         """Loss between source and receiver in dB, in the shape of `distance_m`."""
@@ -35,7 +35,7 @@ class LinkBudget:
     @unheard
     def harvested_power_w(self, distance_m: ArrayLike) -> Array:
         """Power that a node harvests from an AUV `distance_m` away, in W."""
-        charging, harvester = self._scenario.charging, self._scenario.harvester
+        charging = self._scenario.charging
         source_level = physics.source_level_db.unchecked(
             charging.power_w, charging.efficiency, charging.directivity_index_db
         )
@@ -44,13 +44,7 @@ class LinkBudget:
             self.attenuation_db(distance_m, self.charging_frequency_khz),
             self._channel.charging_noise_db,
         )
-        return physics.harvested_power_w.unchecked(
-            received,
-            harvester.sensitivity_db,
-            harvester.load_resistance_ohm,
-            harvester.efficiency,
-            harvester.hydrophones,
-        )
+        return self._harvester.harvested_power_w(received, charging.power_w * charging.efficiency)
 
     @unheard
     def power_per_snr_w(self, distance_m: ArrayLike) -> Array:
@@ -62,16 +56,23 @@ class LinkBudget:
             distance_m, self.uplink_frequency_khz, self.bandwidth_hz
         )
 
-    def required_energy_j(self, power_per_snr_w: ArrayLike, uplink_s: ArrayLike) -> Array:
-        """Energy that an uplink of `uplink_s` seconds takes, in J.
+    def required_energy_j(
+        self, power_per_snr_w: ArrayLike, uplink_s: ArrayLike, distance_m: ArrayLike = 0.0
+    ) -> Array:
+        """Energy that an uplink takes, in J; infinite where no packet can arrive.
 
         Args:
             power_per_snr_w: power for an SNR of 1, by `power_per_snr_w`.
-            uplink_s: duration in s, above 0.
+            uplink_s: time that there is for it, in s, above 0.
+            distance_m: how far it goes, which matters where an uplink takes a time of its own.
         """
-        uplink = self._scenario.uplink
-        snr = physics.required_snr.unchecked(uplink.packet_bits, uplink_s, self.bandwidth_hz)
-        return physics.required_energy_j.unchecked(snr * power_per_snr_w, uplink_s)
+        return self._uplink.required_energy_j(
+            power_per_snr_w, distance_m, uplink_s, self._channel, self._num_bands
+        )
+
+    def least_uplink_s(self, distance_m: ArrayLike) -> Array:
+        """The time that an uplink takes at least, in s; 0 where it takes what there is."""
+        return self._uplink.least_time_s(distance_m, self._num_bands)
 
     @property
     @unheard

@@ -16,6 +16,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.core.limits import DEAREST_J
+
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
@@ -48,7 +50,7 @@ class EnergyLevels(NamedTuple):
 
     def paid(self, energy_j: Floats, price_j: Floats) -> Integers:
         """The level after a payment; the number of levels where the energy cannot pay."""
-        pays = energy_j + self.tolerance_j > price_j
+        pays = (energy_j + self.tolerance_j > price_j) & (price_j < DEAREST_J)
         left_j = np.maximum(energy_j - price_j, 0.0)
         return np.where(pays, self.level(left_j), len(self.levels_j))
 

@@ -61,8 +61,8 @@ def check_scenario(scenario: Scenario) -> None:
         )
     for key, value in (
         ("grid.spacing_m over auvs.speed_m_per_s: a slot (s)", scenario.slot_s),
-        ("uplink.packet_bits:", scenario.uplink.packet_bits),
-        ("uplink.bandwidth_hz:", scenario.uplink.bandwidth_hz),
+        ("uplink.packet_bits:", scenario.uplink.part.packet_bits),
+        ("uplink.bandwidth_hz:", scenario.uplink.part.bandwidth_hz),
     ):
         if not _FROM <= value <= _TO:
             raise InputError(f"{key} must lie between {_FROM:g} and {_TO:g}, not {value:g}")
@@ -103,10 +103,9 @@ def check_link(scenario: Scenario, harvested_w: float, tables: dict[str, Any]) -
 
 def _loudest(scenario: Scenario) -> str:
     """The key that makes the most of what is harvested, in dB."""
-    charging, harvester = scenario.charging, scenario.harvester
+    charging = scenario.charging
     shares_db = {
-        "harvester.sensitivity_db": harvester.sensitivity_db,
-        "harvester.load_resistance_ohm": -10 * math.log10(harvester.load_resistance_ohm),
+        **scenario.harvester.part.harvest_db(),
         "charging.directivity_index_db": charging.directivity_index_db,
         "charging.power_w": 10 * math.log10(charging.power_w),
     }

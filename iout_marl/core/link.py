@@ -12,6 +12,7 @@ from iout_marl.core.box import mean_distance_in_box
 from iout_marl.core.budget import LinkBudget
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import DEAREST_J, FARTHEST_M, bounded, check_link, unheard
+from iout_marl.errors import warn_once
 from iout_marl.physics.arrays import Array, lookup
 from iout_marl.scenario import Scenario
 
@@ -32,9 +33,11 @@ class Link:
     Attributes:
         channel: the physics behind the tables.
         slot_s: τ in s.
-        distance_m, harvested_w, power_per_snr_w, slot_uplink_j: by offset: the distance
-            that sound goes, the power harvested, the transmit power per unit of SNR, and the
-            energy of an uplink over a whole slot; (offsets,) each.
+        distance_m, harvested_w, power_per_snr_w, slot_uplink_j, least_uplink_s: by offset: the
+            distance that sound goes, the power harvested, the transmit power per unit of SNR, the
+            energy of an uplink that has the longest time that the duplex part leaves it, a whole
+            slot mostly (`limits.DEAREST_J` where no packet can arrive), and the time that an
+            uplink takes at least; (offsets,) each.
         way_m: by offset: the way from the centre of one cell to that of the other, 0 within one
             whatever `grid.own_cell_distance` says; (offsets,).
 
@@ -44,6 +47,8 @@ class Link:
 
     @unheard
     def __init__(self, scenario: Scenario, grid: Grid, backend: Backend) -> None:
+        if doubt := scenario.harvester.part.doubt(scenario):
+            warn_once(doubt)
         self.budget = LinkBudget(scenario)
         self.slot_s = scenario.slot_s
         self._xp = backend.xp
@@ -54,7 +59,8 @@ class Link:
             distance_m = bounded(grid.offset_distances_m(own_cell_m), 0.0, FARTHEST_M)
         harvested_w = self.budget.harvested_power_w(distance_m)
         power_per_snr_w = self.budget.power_per_snr_w(distance_m)
-        uplink_j = self.budget.required_energy_j(power_per_snr_w, self.slot_s)
+        longest_s = self.slot_s * scenario.duplex.part.longest_uplink
+        uplink_j = self.budget.required_energy_j(power_per_snr_w, longest_s, distance_m)
         uplink_j = bounded(uplink_j, 0.0, DEAREST_J)
         powers = {"power of an uplink": power_per_snr_w, "energy of an uplink": uplink_j}
         check_link(scenario, float(harvested_w.max()), powers)
@@ -63,6 +69,8 @@ class Link:
         self.harvested_w = backend.floats(harvested_w)
         self.power_per_snr_w = backend.floats(power_per_snr_w)
         self.slot_uplink_j = backend.floats(uplink_j)
+        least_s = bounded(self.budget.least_uplink_s(distance_m), 0.0, FARTHEST_M)
+        self.least_uplink_s = backend.floats(least_s)
 
     def offset(self, cell: Array, node_cell: Array) -> Array:
         """Index into the tables for cells and nodes' cells of the same (broadcast) shape."""

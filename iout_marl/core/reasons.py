@@ -37,6 +37,7 @@ class Reason:
 
 
 NO_ENERGY = Reason("not_enough_energy", "the node has not enough energy for an uplink this far")
+OUT_OF_RANGE = Reason("out_of_range", "out of range: no packet of the node can reach the AUV")
 ONLY_CHARGED = Reason(
     "only_charged", "the whole slot went to charging: not enough energy for an uplink yet"
 )

@@ -25,12 +25,14 @@ from iout_marl.parts.beta_rule import BetaRule, beta_rules
 from iout_marl.parts.channel import Channel, channels
 from iout_marl.parts.duplex import Duplex, duplexes
 from iout_marl.parts.entry import Entry, entries
+from iout_marl.parts.harvester import Harvester, harvesters
 from iout_marl.parts.motion import Motion, motions
 from iout_marl.parts.network import Network, NetworkSizes, networks
 from iout_marl.parts.observation import Representation, representations
 from iout_marl.parts.optimizer import Optimizer, optimizers
 from iout_marl.parts.placement import Placement, placements
 from iout_marl.parts.reward import Reward, rewards
+from iout_marl.parts.uplink import Uplink, uplinks
 from iout_marl.scenario.fields import (
     Count,
     Decibels,
@@ -53,6 +55,7 @@ __all__ = [
     "Duplex",
     "Entry",
     "Fraction",
+    "Harvester",
     "Motion",
     "Network",
     "NetworkSizes",
@@ -68,6 +71,7 @@ __all__ = [
     "Request",
     "Reward",
     "Settings",
+    "Uplink",
     "Uplinks",
     "absorptions",
     "access_rules",
@@ -76,6 +80,7 @@ __all__ = [
     "channels",
     "duplexes",
     "entries",
+    "harvesters",
     "invalid",
     "motions",
     "networks",
@@ -83,6 +88,7 @@ __all__ = [
     "placements",
     "representations",
     "rewards",
+    "uplinks",
 ]
 
 # Whatever lies in the folder of a role registers itself; so do the trainer's own parts.

@@ -16,6 +16,8 @@ Integers = npt.NDArray[np.int64]
 _BETTER_NOT = 1e9
 #: Stands for no harvest at all where it divides.
 _LEAST_J = 1e-250
+#: Stands for never, whose powers are numbers still.
+_NEVER_SLOTS = 1e60
 
 
 class Links(NamedTuple):
@@ -34,15 +36,16 @@ def links(world: World, cell: Integers, state: State) -> Links:
     harvested_j = link.at(link.harvested_w, offset) * link.slot_s
     required_j = link.at(link.slot_uplink_j, offset)
     missing_j = np.maximum(required_j - state.energy_j[:, None, :], 0)
-    missing_slots = missing_j / np.maximum(harvested_j, _LEAST_J)
+    missing_slots = np.minimum(missing_j / np.maximum(harvested_j, _LEAST_J), _NEVER_SLOTS)
     return Links(offset, harvested_j, required_j, missing_slots)
 
 
 def near_uplink_j(world: World) -> float:
     """The energy of an uplink from the farthest next cell: what makes a store much or little."""
     channel = world.link.budget
-    power_per_snr_w = channel.power_per_snr_w(max(world.scenario.grid.edges_m))
-    uplink_j = unheard(channel.required_energy_j)(power_per_snr_w, world.link.slot_s)
+    next_m = max(world.scenario.grid.edges_m)
+    power_per_snr_w = channel.power_per_snr_w(next_m)
+    uplink_j = unheard(channel.required_energy_j)(power_per_snr_w, world.link.slot_s, next_m)
     return float(bounded(uplink_j, UPLINK_W[0], DEAREST_J))
 
 

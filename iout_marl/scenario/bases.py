@@ -10,8 +10,10 @@ from iout_marl.errors import InputError
 from iout_marl.scenario.families import family_of
 from iout_marl.scenario.layers import Layer, read_file
 from iout_marl.scenario.naming import find_scenario, split_member
+from iout_marl.scenario.parts import part_of
 from iout_marl.scenario.places import Places, shorten
 from iout_marl.scenario.plain import plain_mapping
+from iout_marl.scenario.schema import Scenario
 from iout_marl.scenario.sources import without_suffix
 
 #: Scenarios that one may extend, those that they extend among them.
@@ -35,7 +37,7 @@ def mapping_layer(source: Mapping[Any, Any]) -> Layer:
     """
     where = "mapping"
     data = plain_mapping(source, where)
-    merged = _Chain().read_bases(pop_bases(data, where), where, None, ())
+    merged = _Chain().read_bases(data, pop_bases(data, where), where, None, ())
     return Layer(data, Places.throughout(data, where)).over(merged)
 
 
@@ -58,15 +60,20 @@ class _Chain:
             bases = pop_bases(layer.data, where)
             if member:
                 bases = [member.fill(base, where, "extends") for base in bases]
-            merged = self.read_bases(bases, where, file, (*below, resolved))
+            merged = self.read_bases(layer.data, bases, where, file, (*below, resolved))
             self._read[resolved] = member.over(merged) if member else layer.over(merged)
         return self._read[resolved]
 
     def read_bases(
-        self, bases: list[str], where: str, beside: Path | None, below: tuple[Path, ...]
+        self,
+        data: Mapping[str, Any],
+        bases: list[str],
+        where: str,
+        beside: Path | None,
+        below: tuple[Path, ...],
     ) -> Layer:
-        """Bases by name or path, the first at the bottom."""
-        merged = Layer()
+        """What lies below some settings: their bases by name or path, the first at the bottom."""
+        merged = Layer() if bases else _unnamed_kinds(data)
         for base in bases:
             self._num_bases += 1
             if self._num_bases > MAX_BASES:
@@ -80,6 +87,18 @@ class _Chain:
                 raise InputError(f"{where}: extends: a scenario must not extend itself ({circle})")
             merged = self.read(path, below).over(merged)
         return merged
+
+
+def _unnamed_kinds(data: Mapping[str, Any]) -> Layer:
+    """The kinds of a file's parts where it extends nothing and names none."""
+    parts = {name: part_of(field) for name, field in Scenario.model_fields.items()}
+    return Layer(
+        {
+            name: {"kind": part.default}
+            for name, part in parts.items()
+            if part and part.default and isinstance(data.get(name), dict)
+        }
+    )
 
 
 def pop_bases(data: dict[str, Any], where: str) -> list[str]:

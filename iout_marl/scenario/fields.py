@@ -107,6 +107,9 @@ Weights: TypeAlias = Annotated[
     Field(strict=False, max_length=MAX_NODES),
 ]
 NumNodes: TypeAlias = Annotated[Count, Field(le=MAX_NODES), Plausible(1, 1000, "nodes")]
+Area: TypeAlias = Annotated[Positive, Plausible(1e-6, 10, "m²")]
+PacketBits: TypeAlias = Annotated[Positive, Plausible(1, 1e9, "bit")]
+Bandwidth: TypeAlias = Annotated[Positive, Plausible(10, 1e6, "Hz", slips=(1e3,))]
 #: What is added to a reward or multiplies an age in it.
 Term: TypeAlias = Annotated[Real, Plausible(-1e6, 1e6)]
 Slots: TypeAlias = Annotated[Count, Plausible(1, 1_000_000, "slots")]

@@ -25,6 +25,7 @@ from iout_marl.scenario.parts import PartOf, part_of, settings_model
 #: Units by the ends of names, the longest first, where no plausible range has one.
 _UNITS = {
     "_m_per_s": "m/s",
+    "_bps": "bit/s",
     "_khz": "kHz",
     "_psu": "PSU",
     "_ohm": "Ω",
@@ -35,6 +36,7 @@ _UNITS = {
     "_deg": "°",
     "_db": "dB",
     "_hz": "Hz",
+    "_m2": "m²",
     "_c": "°C",
     "_j": "J",
     "_m": "m",

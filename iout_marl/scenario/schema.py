@@ -27,8 +27,6 @@ from iout_marl.scenario.sections import (
     Episode,
     Fairness,
     Grid,
-    Harvester,
-    Uplink,
 )
 from iout_marl.scenario.starts import spread_starts
 from iout_marl.scenario.training import Training
@@ -56,8 +54,10 @@ class Scenario(Section):
     #: What sound loses on its way, and what power an uplink takes.
     channel: Annotated[Settings, PartOf("channel")]
     charging: Charging
-    harvester: Harvester
-    uplink: Uplink
+    #: What a node stores of the sound that reaches it.
+    harvester: Annotated[Settings, PartOf("harvester", default="hydrophone")]
+    #: The packets of the nodes, and the band they are sent in.
+    uplink: Annotated[Settings, PartOf("uplink", default="shannon")]
     #: How charging and uplink share the slot.
     duplex: Annotated[Settings, PartOf("duplex")]
     age: Age = Field(default_factory=Age)
@@ -94,7 +94,15 @@ class Scenario(Section):
         self._check_slots()
         self._check_training()
         entries = self.observation.entries
-        for settings in (self.auvs.motion, self.channel, self.duplex, self.reward, *entries):
+        for settings in (
+            self.auvs.motion,
+            self.channel,
+            self.harvester,
+            self.uplink,
+            self.duplex,
+            self.reward,
+            *entries,
+        ):
             settings.part.check(self)
         return self
 

@@ -14,7 +14,6 @@ from iout_marl.scenario.fields import (
     MAX_AUVS,
     Cell,
     Count,
-    Decibels,
     Depth,
     Directivity,
     Efficiency,
@@ -113,28 +112,6 @@ class Charging(Section):
     efficiency: Efficiency
     #: Directivity index of the source: how much louder it is in the direction of the node.
     directivity_index_db: Directivity
-
-
-class Harvester(Section):
-    """The receiver with which a node harvests."""
-
-    #: Receiving voltage sensitivity of a hydrophone.
-    sensitivity_db: Annotated[Decibels, Plausible(-260, -100, "dB re 1 V/µPa", slips=(-1, 10))]
-    #: Share of the power of the hydrophones that is stored.
-    efficiency: Efficiency
-    #: Hydrophones of a node, whose powers add up.
-    hydrophones: Annotated[Count, Field(le=10**6), Plausible(1, 1000, "hydrophones")]
-    #: Resistance of the load that takes the power.
-    load_resistance_ohm: Annotated[Positive, Plausible(0.01, 1e9, "Ω")]
-
-
-class Uplink(Section):
-    """The packets of the nodes, and the band they are sent in."""
-
-    #: Size of a packet.
-    packet_bits: Annotated[Positive, Plausible(1, 1e9, "bit")]
-    #: Width of the band, which AUVs share as `channel.access` says.
-    bandwidth_hz: Annotated[Positive, Plausible(10, 1e6, "Hz", slips=(1e3,))]
 
 
 class Age(Section):

@@ -68,7 +68,7 @@ def check_channel(part: Channel, scenario: Scenario, _: Sequence[int]) -> None:
     farthest_m = float(Grid.from_scenario(scenario).metres(scenario.grid.cells))
     # Below a metre spreading is not what any of these equations are for.
     metres = np.linspace(1.0, farthest_m, 200)
-    hertz = scenario.uplink.bandwidth_hz
+    hertz = scenario.uplink.part.bandwidth_hz
     for name, values in {
         "attenuation_db": part.attenuation_db(metres, duplex.charging_frequency_khz),
         "power_per_snr_w": part.power_per_snr_w(metres, duplex.uplink_frequency_khz, hertz),

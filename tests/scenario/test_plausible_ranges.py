@@ -17,9 +17,25 @@ WHOLE = [
         {
             "grid.origin": {"latitude_deg": 60.0, "longitude_deg": 5.0, "depth_m": 20.0},
             "channel": {"kind": "sonar"},
+            "harvester.area_m2": 0.02,
             "nodes": {"kind": "random", "count": 3},
             "observation.view_range_m": 100,
             "training.target_kl": 0.1,
+        },
+    ),
+    load_scenario(
+        "best/k3-fdd",
+        {
+            "channel": {"kind": "sonar"},
+            "harvester": {"kind": "aperture", "area_m2": 0.02, "efficiency": 0.5},
+            "uplink": {
+                "kind": "modem",
+                "bit_rate_bps": 5000.0,
+                "packet_bits": 2048.0,
+                "bandwidth_hz": 5000.0,
+                "electronics_w": 1.0,
+                "maximum_source_level_db": 185.0,
+            },
         },
     ),
 ]

@@ -22,13 +22,29 @@ SCENARIOS = {
             "training.target_kl": 0.1,
         },
     ),
+    "modem": load_scenario(
+        "best/k3-tdd",
+        {
+            "channel.kind": "sonar",
+            "harvester": {"kind": "aperture", "area_m2": 0.02, "efficiency": 0.5},
+            "uplink": {
+                "kind": "modem",
+                "bit_rate_bps": 5000.0,
+                "packet_bits": 2048.0,
+                "bandwidth_hz": 5000.0,
+                "electronics_w": 1.0,
+                "maximum_source_level_db": 185.0,
+            },
+            "duplex.beta_rule": "airtime",
+        },
+    ),
 }
 WORDS = (
     "fixed", "random", "run", "episode", "thorp", "francois_garrison", "table", "equation",
     "sonar", "fdd", "tdd", "paper", "stored", "mean_age", "scaled", "none", "info",
     "observation", "constant", "linear", "tanh", "relu", "running", "first_rollout",
     "orthogonal", "interference", "exclusive", "six", "hover", "team", "difference",
-    "own", "central", "adam", "AdamW", "mean",
+    "own", "central", "adam", "AdamW", "mean", "airtime",
 )  # fmt: skip
 #: Names, keys with a single possible value, and a kind that needs other keys beside it.
 LEFT_OUT = {
@@ -39,6 +55,15 @@ LEFT_OUT = {
     "training.preset",
     "training.network",
     "nodes.kind",
+    "harvester.kind",
+    "uplink.kind",
+}
+#: Of some scenarios: keys that no other value goes with.
+DETERMINED = {
+    ("fdd", "harvester.area_m2"),
+    ("tdd", "harvester.area_m2"),
+    ("modem", "channel.kind"),
+    ("modem", "duplex.beta_rule"),
 }
 
 
@@ -72,7 +97,7 @@ LEAVES = [
     pytest.param(name, key, value, id=f"{name}-{key}")
     for name, scenario in SCENARIOS.items()
     for key, value in leaves(scenario.model_dump())
-    if key not in LEFT_OUT
+    if key not in LEFT_OUT and (name, key) not in DETERMINED
 ]
 
 
@@ -95,6 +120,20 @@ def test_changes_with_the_kind_of_layout():
     drawn = load_scenario(fixed, {"nodes": {"kind": "random", "count": 3}})
     assert drawn.hash != fixed.hash
     assert drawn.world_hash != fixed.world_hash
+
+
+def test_changes_with_the_kinds_of_harvester_and_uplink():
+    """Kinds that a file does not name are `hydrophone` and `shannon`, and leave no trace."""
+    sonar, modem = SCENARIOS["sonar"], SCENARIOS["modem"]
+    named = {"harvester.kind": "hydrophone", "uplink.kind": "shannon"}
+    assert load_scenario("paper/k3-fdd", named).hash == SCENARIOS["fdd"].hash
+    aperture = {"kind": "aperture", "area_m2": 0.02, "efficiency": 0.7}
+    others = [load_scenario(sonar, {"harvester": aperture})]
+    shannon = {"kind": "shannon", "packet_bits": 2048.0, "bandwidth_hz": 5000.0}
+    others.append(load_scenario(modem, {"uplink": shannon, "duplex.beta_rule": "stored"}))
+    hashes = {each.hash for each in (sonar, modem, *others)}
+    assert len(hashes) == 4
+    assert len({each.world_hash for each in (sonar, modem, *others)}) == 4
 
 
 @pytest.mark.parametrize(
@@ -207,8 +246,15 @@ def test_scenario_of_a_run_folder_of_an_earlier_version(name, hash_then, world_h
     assert (scenario.hash, scenario.world_hash) == (hash_then, world_hash_then)
     # What came later is written, too.
     text = to_yaml(scenario)
-    for line in ("own_cell_distance: zero", "optimizer: adam", "network: mlp"):
-        text = text.replace(f"  {line}\n", "")
+    for key in (
+        "own_cell_distance: zero",
+        "optimizer: adam",
+        "network: mlp",
+        "kind: hydrophone",
+        "kind: shannon",
+        "area_m2: null",
+    ):
+        text = text.replace(f"  {key}\n", "")
     assert text == path.read_text(encoding="utf-8")
 
 

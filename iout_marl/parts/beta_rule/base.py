@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy.typing as npt
 
 from iout_marl.core.levels import EnergyLevels, Tables
 from iout_marl.core.link import SlotEnergies
+from iout_marl.core.reasons import Reason
 from iout_marl.core.split import Split
 from iout_marl.core.whole_levels import WholeLevels
 from iout_marl.parts.base import Context, Part
@@ -26,9 +28,16 @@ class BetaRule(Part):
 
     Attributes:
         has_tables: see `Duplex.has_tables`.
+        uplinks_fill_their_time: see `Duplex.uplinks_fill_their_time`.
     """
 
     has_tables = False
+    uplinks_fill_their_time = True
+
+    @staticmethod
+    def longest_uplink(bounds: Any) -> float:  # noqa: ARG004
+        """As `Duplex.longest_uplink`, within the bounds of the duplex part's settings."""
+        return 1.0
 
     def setup(self, world: Context) -> None:
         super().setup(world)
@@ -40,7 +49,7 @@ class BetaRule(Part):
         #: What `physics.beta_star` and `smallest_beta` take last: slot, packet, band, bounds.
         self.interval = (
             link.slot_s,
-            world.scenario.uplink.packet_bits,
+            world.scenario.uplink.part.packet_bits,
             link.budget.bandwidth_hz,
             self._bounds.beta_min,
             self._bounds.beta_max,
@@ -49,6 +58,10 @@ class BetaRule(Part):
     def split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
         """Split the slot, as `Duplex.split`."""
         raise NotImplementedError
+
+    def why_silent(self, split: Split) -> Mapping[Reason, Array]:  # noqa: ARG002
+        """As `Duplex.why_silent`: reasons that come before that of the duplex part."""
+        return {}
 
     def energy_never_binds(self, energies: SlotEnergies, bounds: Any) -> bool:  # noqa: ARG002
         """As `Duplex.energy_never_binds`, within the bounds of the duplex part's settings."""

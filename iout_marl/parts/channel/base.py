@@ -44,6 +44,9 @@ class Channel(Part):
         )
 
     settings: Any
+    #: Whether levels are in consistent units: those of pressures, so that intensities and watts
+    #: follow from them.
+    has_physical_levels: bool = False
 
     @property
     def access(self) -> Access:
@@ -84,6 +87,10 @@ class Channel(Part):
         self.settings.absorption.part.check(scenario)
 
     def check_stated(self, scenario: Scenario) -> None:
+        if not isinstance(self.has_physical_levels, bool):
+            raise self.fault(
+                f"has_physical_levels must be True or False, not {self.has_physical_levels!r}"
+            )
         if not is_number(self.charging_noise_db):
             raise self.fault(f"charging_noise_db must be a number, not {self.charging_noise_db!r}")
         for key, gain_db in self.harvest_db().items():
@@ -93,7 +100,7 @@ class Channel(Part):
         if not is_number(watts, 0):
             raise self.fault(f"as_uplink_w(1.0) must be a number from 0, not {watts!r}")
         distance_m = np.array([0.0, 1.0, 2.0]) * max(scenario.grid.edges_m)
-        khz, hertz = scenario.duplex.part.uplink_frequency_khz, scenario.uplink.bandwidth_hz
+        khz, hertz = scenario.duplex.part.uplink_frequency_khz, scenario.uplink.part.bandwidth_hz
         with np.errstate(all="ignore"):
             for name, values in {
                 "attenuation_db": self.attenuation_db(distance_m, khz),

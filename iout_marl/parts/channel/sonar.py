@@ -46,12 +46,13 @@ class Sonar(Channel):
         uplink_directivity_index_db: Directivity = 0.0
 
     settings: Settings
+    has_physical_levels = True
 
     def check(self, scenario: Scenario) -> None:
         super().check(scenario)
         duplex = scenario.duplex.part
         frequency_khz: float = duplex.uplink_frequency_khz
-        if scenario.uplink.bandwidth_hz >= 2e3 * frequency_khz:
+        if scenario.uplink.part.bandwidth_hz >= 2e3 * frequency_khz:
             raise invalid(
                 ("uplink", "bandwidth_hz"),
                 f"the band around {frequency_khz:g} kHz must stay above 0 Hz",

@@ -63,6 +63,19 @@ class Duplex(Part):
         """In the middle of the uplink's band."""
         raise NotImplementedError
 
+    @property
+    def uplinks_fill_their_time(self) -> bool:
+        """Whether it takes uplinks for the cheaper the longer they last, as Shannon's rate has it.
+
+        Uplinks that take a time of their own do not go with such a part.
+        """
+        return self.splits_slot
+
+    @property
+    def longest_uplink(self) -> float:
+        """The largest share of a slot that an uplink can have, above 0."""
+        return 1.0
+
     #: The setting that gives the uplink's frequency.
     uplink_frequency_key: str = "kind"
 
@@ -74,9 +87,18 @@ class Duplex(Part):
     def check_stated(self, scenario: Scenario) -> None:  # noqa: ARG002
         if self.num_choices not in (1, 2):
             raise self.fault(f"num_choices must be 1 or 2, not {short(self.num_choices)}")
-        for name in ("splits_slot", "has_tables", "charging_disturbs_uplinks"):
+        for name in (
+            "splits_slot",
+            "has_tables",
+            "charging_disturbs_uplinks",
+            "uplinks_fill_their_time",
+        ):
             if not isinstance(getattr(self, name), bool):
                 raise self.fault(f"{name} must be True or False, not {short(getattr(self, name))}")
+        if not (is_number(self.longest_uplink, SMALLEST) and self.longest_uplink <= 1):
+            raise self.fault(
+                f"longest_uplink must be above 0 and at most 1, not {short(self.longest_uplink)}"
+            )
         for name in ("charging_frequency_khz", "uplink_frequency_khz"):
             if not is_number(getattr(self, name), SMALLEST):
                 raise self.fault(f"{name} must be above 0 kHz, not {short(getattr(self, name))}")

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from iout_marl.core.levels import BEYOND_J, EnergyLevels, Tables
+from iout_marl.core.limits import DEAREST_J
 from iout_marl.core.link import SlotEnergies
-from iout_marl.core.reasons import NO_ENERGY, Reason
+from iout_marl.core.reasons import NO_ENERGY, OUT_OF_RANGE, Reason
 from iout_marl.core.split import Split
 from iout_marl.core.whole_levels import WholeLevels
 from iout_marl.parts.base import Context
@@ -64,7 +65,8 @@ class FrequencyDivision(Duplex):
         return available_j > split.required_j
 
     def why_silent(self, split: Split, available_j: Array) -> Mapping[Reason, Array]:
-        return {NO_ENERGY: ~self.sends(split, available_j)}
+        silent = ~self.sends(split, available_j)
+        return {OUT_OF_RANGE: split.required_j >= DEAREST_J, NO_ENERGY: silent}
 
     def energy_never_binds(self, energies: SlotEnergies) -> bool:
         return bool(energies.poorest_j > energies.dearest_j)
@@ -93,11 +95,12 @@ def _rows(levels: WholeLevels, harvest_j: float, price_j: float) -> list[list[in
     infinite = len(levels.levels)
 
     def paid(energy: int) -> int:
-        pays = energy + levels.tolerance > price
+        pays = energy + levels.tolerance > price and price_j < DEAREST_J
         return levels.at_least(energy - price) if pays else infinite + 1
 
+    rich = infinite if price_j < DEAREST_J else infinite + 1
     return [
         [*(levels.at_least(level + harvest) for level in levels.levels), infinite],
-        [*(paid(level) for level in levels.levels), infinite],
-        [*(paid(level + harvest) for level in levels.levels), infinite],
+        [*(paid(level) for level in levels.levels), rich],
+        [*(paid(level + harvest) for level in levels.levels), rich],
     ]

@@ -69,6 +69,14 @@ class TimeDivision(Duplex):
         return self.rule.has_tables
 
     @property
+    def uplinks_fill_their_time(self) -> bool:
+        return self.rule.uplinks_fill_their_time
+
+    @property
+    def longest_uplink(self) -> float:
+        return self.rule.longest_uplink(self.settings)
+
+    @property
     def charging_frequency_khz(self) -> float:
         return self.settings.frequency_khz
 
@@ -96,7 +104,7 @@ class TimeDivision(Duplex):
         return split.beta < 1
 
     def why_silent(self, split: Split, available_j: Array) -> Mapping[Reason, Array]:
-        return {ONLY_CHARGED: ~self.sends(split, available_j)}
+        return {**self.rule.why_silent(split), ONLY_CHARGED: ~self.sends(split, available_j)}
 
     def energy_never_binds(self, energies: SlotEnergies) -> bool:
         return self.rule.energy_never_binds(energies, self.settings)

@@ -1,0 +1,97 @@
+"""Uplink: what a node spends on a packet, and how long that takes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iout_marl.parts.base import Part
+from iout_marl.parts.channel import Channel
+from iout_marl.physics.arrays import Array, ArrayLike
+from iout_marl.registry import Registry
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.fields import SMALLEST
+from iout_marl.whole import is_number, short
+
+
+class Uplink(Part):
+    """The packets of the nodes, and the band they are sent in.
+
+    Its arguments are not checked: a scenario may say what physics refuses.
+
+    Attributes:
+        fills_its_time: whether a packet takes all the time that there is for it, and is the
+            cheaper the longer that is. If not, it takes what `least_time_s` says.
+    """
+
+    fills_its_time: bool = True
+
+    @property
+    def packet_bits(self) -> float:
+        """Size of a packet in bits."""
+        bits: float = self.settings.packet_bits
+        return bits
+
+    @property
+    def bandwidth_hz(self) -> float:
+        """Width of the band in Hz."""
+        hertz: float = self.settings.bandwidth_hz
+        return hertz
+
+    def least_time_s(self, distance_m: ArrayLike, num_bands: int) -> Array:  # noqa: ARG002
+        """The time that an uplink takes at least, in s, in the shape of the distances.
+
+        Args:
+            distance_m: from the node to the AUV.
+            num_bands: how many parts the band is divided into, one of which the uplink has.
+        """
+        return np.zeros_like(distance_m, dtype=np.float64)
+
+    def required_energy_j(
+        self,
+        power_per_snr_w: ArrayLike,
+        distance_m: ArrayLike,
+        uplink_s: ArrayLike,
+        channel: Channel,
+        num_bands: int,
+    ) -> Array:
+        """Energy that an uplink takes, alone in its band, in J.
+
+        Args:
+            power_per_snr_w: power for an SNR of 1 in the uplink's part of the band, see `Channel`.
+            distance_m: from the node to the AUV.
+            uplink_s: time that there is for it, in s, above 0.
+            channel: the channel.
+            num_bands: how many parts the band is divided into, one of which the uplink has.
+
+        Returns:
+            energy in the broadcast shape of the first three; infinite where no packet can arrive.
+        """
+        raise NotImplementedError
+
+    def check_stated(self, scenario: Scenario) -> None:
+        if not isinstance(self.fills_its_time, bool):
+            raise self.fault(
+                f"fills_its_time must be True or False, not {short(self.fills_its_time)}"
+            )
+        for name in ("packet_bits", "bandwidth_hz"):
+            if not is_number(getattr(self, name), SMALLEST):
+                raise self.fault(f"{name} must be above 0, not {short(getattr(self, name))}")
+        metres = np.array([0.0, 1.0, 2.0]) * scenario.grid.spacing_m
+        watts, channel = np.array([1e-3, 1.0, 2.0]), scenario.channel.part
+        with np.errstate(all="ignore"):
+            for name, values in {
+                "least_time_s": self.least_time_s(metres, 1),
+                "required_energy_j": self.required_energy_j(
+                    watts, metres, scenario.slot_s, channel, 1
+                ),
+            }.items():
+                found = np.asarray(values)
+                if found.shape != metres.shape or found.dtype.kind not in "fiu":
+                    raise self.fault(
+                        f"{name} must give a number for each of 3 distances, not {short(values)}"
+                    )
+                if np.isnan(found).any() or (found < 0).any():
+                    raise self.fault(f"{name} must be from 0, not {short(values)}")
+
+
+uplinks: Registry[type[Uplink]] = Registry("uplink", Uplink)
