@@ -164,22 +164,52 @@ class Sound:
         return spreading + self.absorption_db_per_km[f] * d / 1000
 
     def harvested_j(self, d: float, duration_s: float) -> float:
-        """Eqs. `SL`, `RL`, `p harvested` and `E harvested`, for all hydrophones."""
+        """Eqs. `SL`, `RL`, `p harvested` and `E harvested`, for all hydrophones, or an aperture."""
         source, harvester = self.scenario.charging, self.scenario.harvester
         sl = 170.8 + 10 * math.log10(source.power_w) + 10 * math.log10(source.efficiency)
         sl += source.directivity_index_db
         rl = sl - self.attenuation_db(d, self.charging_khz)
         if self.scenario.channel.kind != "sonar":
             rl -= self.noise_level_db
+        # A plane wave of so many µPa, in sea water of 1025 kg/m³ and 1500 m/s.
+        pascal = 10 ** (rl / 20) * 1e-6
+        passing_w = math.inf
+        if harvester.area_m2 is not None:
+            passing_w = harvester.area_m2 * pascal**2 / (1025 * 1500)
+            passing_w = min(passing_w, source.power_w * source.efficiency)
+        if harvester.kind == "aperture":
+            rectified_w = passing_w if passing_w >= harvester.threshold_w else 0.0
+            return harvester.efficiency * rectified_w * duration_s
         available_w = 10 ** ((rl + harvester.sensitivity_db) / 10)
-        available_w /= 4 * harvester.load_resistance_ohm
-        return harvester.hydrophones * harvester.efficiency * available_w * duration_s
+        available_w *= harvester.hydrophones / (4 * harvester.load_resistance_ohm)
+        return harvester.efficiency * min(available_w, passing_w) * duration_s
 
     def required_j(self, d: float, duration_s: float) -> float:
         """Eqs. `snr`, `p transmit` and `E transmited`; `sonar` through a real projector."""
+        if self.scenario.uplink.kind == "modem":
+            return self.modem_j(d, duration_s)
         throughput = self.scenario.uplink.packet_bits / duration_s
         snr = 2 ** (throughput / self.bandwidth_hz) - 1
         return snr * self.watts_per_snr(d) * duration_s
+
+    def modem_s(self, d: float) -> float:
+        """A packet at the bit rate of a part of the band, and the way there and back."""
+        uplink = self.scenario.uplink
+        rate = uplink.bit_rate_bps * self.bandwidth_hz / uplink.bandwidth_hz
+        return uplink.packet_bits / rate + d / 1500 + d / 1500
+
+    def modem_j(self, d: float, duration_s: float) -> float:
+        """Electronics and projector for the airtime; infinite out of reach, or without the time."""
+        uplink, channel = self.scenario.uplink, self.scenario.channel
+        level = self.noise_level_db + self.attenuation_db(d, self.uplink_khz)
+        level += uplink.required_snr_db
+        if level > uplink.maximum_source_level_db or self.modem_s(d) > duration_s * (1 + 1e-12):
+            return math.inf
+        if not uplink.power_control:
+            level = uplink.maximum_source_level_db
+        acoustic_w = 10 ** ((level - 170.8 - channel.uplink_directivity_index_db) / 10)
+        watts = uplink.electronics_w + acoustic_w / channel.uplink_efficiency
+        return watts * (self.modem_s(d) - 2 * d / 1500)
 
     def watts_per_snr(self, d: float) -> float:
         """The power with which a node d away is as loud as the noise."""
@@ -335,6 +365,10 @@ class Oracle:
         duplex, tau = self.scenario.duplex, self.scenario.slot_s
         d, stored = self.distance_m(auv, node), self.energy_j[node]
         low, high = duplex.beta_min, duplex.beta_max
+        if duplex.beta_rule.kind == "airtime":
+            beta = min(1 - self.sound.modem_s(d) / tau, high)
+            has = stored + self.sound.harvested_j(d, beta * tau)
+            return beta if beta >= low and has > self.sound.modem_j(d, tau) else 1.0
         suffices = stored > self.sound.required_j(d, tau)
         credit = stored if duplex.beta_rule.kind == "stored" else 0.0
 

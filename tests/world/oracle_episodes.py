@@ -102,6 +102,9 @@ def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> C
         seen["delivery" if event.delivered else "no delivery"] += 1
         seen["left grid"] += event.left_grid
         seen["kept apart"] += event.blocked
+        heard_m, charged_m = (oracle.distance_m(auv, k) for k in (event.heard, event.charged))
+        seen["out of range"] += oracle.sound.required_j(heard_m, oracle.scenario.slot_s) == math.inf
+        seen["below threshold"] += oracle.sound.harvested_j(charged_m, 1.0) == 0
         seen["same cell"] += oracle.auv_cells[auv] == oracle.node_cells[event.charged]
         seen["overserved node"] += event.delivered and oracle.deliveries[event.heard] > fair_share
         if oracle.scenario.duplex.kind == "tdd":

@@ -68,6 +68,32 @@ SONAR = {
     "uplink.packet_bits": 7500,
     "harvester.sensitivity_db": -177,
 }
+#: Cells of 10 m in rough water, in which a loud modem spends as much on sound as on electronics.
+MODEM = {
+    "grid.spacing_m": 10,
+    "auvs.speed_m_per_s": 0.2,
+    "episode.duration_s": 5000,
+    "charging.power_w": 100,
+    "channel": {
+        "kind": "sonar",
+        "spreading_factor": 2.0,
+        "shipping": 0.8,
+        "wind_m_per_s": 12.0,
+        "uplink_efficiency": 0.1,
+        "uplink_directivity_index_db": -10.0,
+    },
+    "harvester": {"kind": "aperture", "area_m2": 0.03, "efficiency": 0.6},
+    "uplink": {
+        "kind": "modem",
+        "bit_rate_bps": 3000.0,
+        "packet_bits": 8000.0,
+        "bandwidth_hz": 4500.0,
+        "electronics_w": 0.8,
+        "maximum_source_level_db": 151.0,
+        "required_snr_db": 30.0,
+    },
+}
+MODEM_TDD = {**MODEM, "duplex.beta_rule": "airtime"}
 #: No number as in the bundled scenarios, none equal to another one that it could be.
 OTHER_HARDWARE = {
     "grid.spacing_m": 130,
@@ -232,6 +258,48 @@ CASES = {
     "sonar-fdd": Case("paper/k3-fdd", FDD, {**SONAR, **WARM}),
     "sonar-tdd": Case("paper/k3-tdd", TDD, {**SONAR, **COLD}),
     "sonar-stored-thorp": Case("best/k3-tdd", TDD, SONAR),
+    "hydrophone-of-an-area-fdd": Case(
+        "paper/k3-fdd", FDD, {**SONAR, "harvester.area_m2": 1e-6, "harvester.sensitivity_db": -150}
+    ),
+    "modem-fdd": Case("paper/k3-fdd", FDD | {"out of range"}, MODEM),
+    "modem-without-power-control-fdd": Case(
+        "paper/k3-fdd",
+        FDD | {"out of range", "below threshold"},
+        {
+            **MODEM,
+            "uplink": {**MODEM["uplink"], "power_control": False},
+            "harvester": {**MODEM["harvester"], "threshold_w": 1e-3},
+        },
+    ),
+    "modem-tdd": Case(
+        "paper/k3-tdd", ALWAYS | {"only charging", "both", "out of range"}, MODEM_TDD
+    ),
+    "modem-at-leisure-tdd": Case(
+        "paper/k3-tdd",
+        ALWAYS | {"only charging", "both", "out of range"},
+        {
+            **MODEM_TDD,
+            "duplex.beta_max": 0.6,
+            "uplink": {**MODEM["uplink"], "power_control": False},
+        },
+    ),
+    "modem-hardly-in-time-tdd": Case(
+        "paper/k3-tdd",
+        ALWAYS | {"only charging", "both"},
+        {
+            **MODEM_TDD,
+            "uplink": {**MODEM["uplink"], "packet_bits": 134_850},
+            "charging.power_w": 20_000,
+        },
+    ),
+    "modem-two-auvs-fdd": Case(
+        "paper/k3-fdd", FDD | SHARED | {"out of range"}, {**MODEM, **TWO_AUVS}
+    ),
+    "modem-two-auvs-exclusive-tdd": Case(
+        "paper/k3-tdd",
+        ALWAYS | SHARED | {"collision", "only charging", "both"},
+        {**MODEM_TDD, "channel": {**MODEM["channel"], "access": "exclusive"}, **TWO_AUVS},
+    ),
     "random-nodes-fdd": Case("paper/k3-fdd", FDD, RANDOM_NODES, episodes=3),
     "random-nodes-tdd": Case("paper/k3-tdd", TDD, RANDOM_NODES, episodes=3),
     "small-grid-fdd": Case(
