@@ -10,9 +10,10 @@ import numpy as np
 from iout_marl.bounds.check_game import finite_game, is_covered
 from iout_marl.bounds.energy import FINE
 from iout_marl.bounds.finite_game import FiniteGame
+from iout_marl.core.budget import LinkBudget
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import unheard
-from iout_marl.parts import Absorption, Channel, Placement
+from iout_marl.parts import Absorption, Channel, Harvester, Placement, Uplink
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.parts import Settings
 from iout_marl.testing.recorded import actions_for, first_state
@@ -78,6 +79,32 @@ def check_channel(part: Channel, scenario: Scenario, _: Sequence[int]) -> None:
         assert not falls.any(), f"{name} falls beyond {metres[:-1][falls][:1]} m"
         if name == "power_per_snr_w":
             assert (values > 0).all(), f"{name} is not above 0"
+
+
+@unheard
+def check_harvester(part: Harvester, scenario: Scenario, _: Sequence[int]) -> None:
+    """More sound never brings less; whatever there is of it, power is finite and from 0."""
+    acoustic_w = scenario.charging.power_w * scenario.charging.efficiency
+    found = np.asarray(part.harvested_power_w(np.linspace(0.0, 260.0, 500), acoustic_w))
+    assert np.isfinite(found).all(), "harvested_power_w is not finite"
+    assert (found >= 0).all(), "harvested_power_w is negative"
+    assert (np.diff(found) >= 0).all(), "harvested_power_w falls where more sound arrives"
+
+
+@unheard
+def check_uplink(part: Uplink, scenario: Scenario, seeds: Sequence[int]) -> None:
+    """An uplink costs something, no less over a longer way, and no more in more time."""
+    budget, slot_s = LinkBudget(scenario), scenario.slot_s
+    metres = np.linspace(1.0, scenario.grid.spacing_m * math.hypot(*scenario.grid.cells), 200)
+    watts = budget.power_per_snr_w(metres)
+    found = np.asarray(budget.required_energy_j(watts, slot_s, metres))
+    assert (found > 0).all(), "required_energy_j is not above 0"
+    assert (found[1:] >= found[:-1] * (1 - 1e-12)).all(), "a longer way costs less"
+    hurried = np.asarray(budget.required_energy_j(watts, slot_s / 2, metres))
+    assert (hurried >= found * (1 - 1e-12)).all(), "less time costs less"
+    in_time = part.least_time_s(metres, 1) <= slot_s
+    assert (in_time | np.isinf(found)).all(), "least_time_s is more than a slot, but it is paid for"
+    check_reasons(part, scenario, seeds)
 
 
 def check_tables(_: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
@@ -147,6 +174,8 @@ CHECKS: Mapping[str, Callable[[Any, Scenario, Sequence[int]], None]] = {
     "beta rule": check_tables,
     "channel": check_channel,
     "duplex": check_duplex,
+    "harvester": check_harvester,
     "observation entry": check_entry,
     "placement": check_placement,
+    "uplink": check_uplink,
 }

@@ -40,7 +40,29 @@ def small_world(
     if is_oblong:  # with the slots as they were
         settings["grid.spacing_m"] = [spacing_m, 0.4 * spacing_m, 0.1 * spacing_m]
         settings["grid.own_cell_distance"] = "mean"
+    if rule in ("modem", "airtime"):
+        settings |= at_sea(rng, spacing_m, slots)
     return load_scenario(f"paper/k3-{duplex}", settings)
+
+
+def at_sea(rng, spacing_m, slots):
+    """Apertures and modems, whose packets take a slot's harvest or more, some out of range."""
+    spacing_m = spacing_m / 10
+    return {
+        "grid.spacing_m": spacing_m,
+        "episode.duration_s": slots * spacing_m / 0.5,
+        "auvs.speed_m_per_s": 0.5,
+        "channel": {"kind": "sonar", "spreading_factor": 2.0},
+        "harvester": {"kind": "aperture", "area_m2": 0.02, "efficiency": 0.5},
+        "uplink": {
+            "kind": "modem",
+            "bit_rate_bps": 1000.0,
+            "packet_bits": float(rng.uniform(2000, 18_000)),
+            "bandwidth_hz": 3000.0,
+            "electronics_w": float(10 ** rng.uniform(-1, 1)),
+            "maximum_source_level_db": float(rng.uniform(101, 110)),
+        },
+    }
 
 
 def least_age_sum(scenario):

@@ -31,6 +31,8 @@ CASES = [
     # in oblong cells, of which an AUV is at the mean distance within its own
     ("fdd", "paper", "hover", 2, 4, True),
     ("tdd", "stored", "six", 2, 5, True),
+    ("fdd", "modem", "six", 2, 5),
+    ("tdd", "airtime", "six", 2, 6),
 ]
 SEEDS = range(4)
 

@@ -9,7 +9,13 @@ from iout_marl.bounds.energy import COARSE, FINE
 from iout_marl.bounds.finite_game import FiniteGame
 from iout_marl.world import World, node_codes
 
-RULES = [("fdd", "paper"), ("tdd", "paper"), ("tdd", "stored")]
+RULES = [
+    ("fdd", "paper"),
+    ("tdd", "paper"),
+    ("tdd", "stored"),
+    ("fdd", "modem"),
+    ("tdd", "airtime"),
+]
 
 
 @pytest.mark.parametrize("seed", range(5))

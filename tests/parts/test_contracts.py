@@ -9,6 +9,16 @@ from iout_marl.testing import check_part
 pytestmark = pytest.mark.slow
 
 CELLS = [[1, 1, 1], [4, 3, 2], [2, 3, 1], [4, 1, 1]]
+#: Levels of pressures, and energies that bind in them.
+SEA = {"channel": {"kind": "sonar", "spreading_factor": 2.0}, "charging.power_w": 2000}
+APERTURE = {"area_m2": 0.05, "efficiency": 0.6}
+MODEM = {
+    "bit_rate_bps": 3000.0,
+    "packet_bits": 2048.0,
+    "bandwidth_hz": 4500.0,
+    "electronics_w": 0.8,
+    "maximum_source_level_db": 118.0,
+}
 #: Settings of kinds that need some, and more of kinds that do more by them.
 SETTINGS = {
     ("placement", "fixed"): [{"cells": CELLS}, {"cells": CELLS, "weights": [1, 2, 0, 1.5]}],
@@ -25,9 +35,32 @@ SETTINGS = {
         {"name": "SGD", "options": {"momentum": 0.9}},
     ],
     ("channel", "sonar"): [{"absorption": {"kind": "francois_garrison"}, "wind_m_per_s": 5.0}],
+    ("harvester", "hydrophone"): [
+        {
+            "sensitivity_db": -150,
+            "efficiency": 0.7,
+            "hydrophones": 2,
+            "load_resistance_ohm": 125,
+            "area_m2": 0.02,
+        }
+    ],
+    ("harvester", "aperture"): [{**APERTURE, "threshold_w": 1e-3}],
+    ("uplink", "shannon"): [{"packet_bits": 30000, "bandwidth_hz": 3000}],
+    ("uplink", "modem"): [MODEM, {**MODEM, "power_control": False}],
 }
 #: What else a scenario needs for a kind to have something to do.
-OVERRIDES = {("observation entry", "unseen_for"): {"observation.view_range_m": 150}}
+OVERRIDES = {
+    ("observation entry", "unseen_for"): {"observation.view_range_m": 150},
+    ("harvester", "hydrophone"): SEA,
+    ("harvester", "aperture"): SEA,
+    ("uplink", "modem"): {**SEA, "harvester": {"kind": "aperture", **APERTURE}},
+    ("beta rule", "airtime"): {
+        **SEA,
+        "harvester": {"kind": "aperture", **APERTURE},
+        "uplink": {"kind": "modem", **MODEM},
+        "duplex.beta_rule": "airtime",
+    },
+}
 CASES = [
     pytest.param(registry.role, entry.kind, settings, id=f"{registry.role}-{entry.kind}-{i}")
     for registry in registries()

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.core.levels import EnergyLevels, Tables
+from iout_marl.core.levels import BEYOND_J, EnergyLevels, Tables
 from iout_marl.core.link import SlotEnergies
 from iout_marl.core.reasons import Reason
 from iout_marl.core.split import Split
-from iout_marl.core.whole_levels import WholeLevels
+from iout_marl.core.whole_levels import WholeLevels, highest
 from iout_marl.parts.base import Context, Part
 from iout_marl.physics.arrays import Array
 from iout_marl.registry import Registry
@@ -66,6 +66,37 @@ class BetaRule(Part):
     def energy_never_binds(self, energies: SlotEnergies, bounds: Any) -> bool:  # noqa: ARG002
         """As `Duplex.energy_never_binds`, within the bounds of the duplex part's settings."""
         return False
+
+    def search_links(self, levels: EnergyLevels, offset: Any) -> Tables:
+        """As `Duplex.search_tables`; by `search_tables` unless a rule has another way."""
+        link = self._link
+        return self.search_tables(
+            levels,
+            link.at(link.harvested_w, offset),
+            link.at(link.power_per_snr_w, offset),
+            np.minimum(link.at(link.slot_uplink_j, offset), BEYOND_J),
+        )
+
+    def check_links(self, levels: WholeLevels, offsets: Integers) -> list[list[list[int]]]:
+        """As `Duplex.check_tables`; by `check_rows` unless a rule has another way."""
+        link, bounds = self._link, self._bounds
+        harvested_w, cost_w = link.harvested_w[offsets], link.power_per_snr_w[offsets]
+
+        def gain_j(beta: Floats) -> Floats:
+            required_j = link.budget.required_energy_j(cost_w, (1 - beta) * link.slot_s)
+            return np.asarray(beta * link.slot_s * harvested_w - required_j)
+
+        low, high = (np.full(len(offsets), beta) for beta in (bounds.beta_min, bounds.beta_max))
+        # What overflows is an uplink that nothing pays.
+        with np.errstate(over="ignore", invalid="ignore"):
+            least_j, most_j = gain_j(low), highest(gain_j, low, high)
+        if np.isnan(least_j).any() or np.isnan(most_j).any():
+            raise ArithmeticError
+        energies_j = (harvested_w * link.slot_s, link.slot_uplink_j[offsets], least_j, most_j)
+        return [
+            self.check_rows(levels, *row)
+            for row in zip(*(energy_j.tolist() for energy_j in energies_j), strict=True)
+        ]
 
     def search_tables(
         self,

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
-from iout_marl.core.levels import BEYOND_J, EnergyLevels, Tables
+from iout_marl.core.levels import EnergyLevels, Tables
 from iout_marl.core.link import SlotEnergies
 from iout_marl.core.reasons import ONLY_CHARGED, Reason
 from iout_marl.core.split import Split
-from iout_marl.core.whole_levels import WholeLevels, highest
+from iout_marl.core.whole_levels import WholeLevels
 from iout_marl.parts.base import Context, at_work
 from iout_marl.parts.beta_rule import BetaRule
-from iout_marl.parts.duplex.base import Duplex, Floats, Integers, duplexes
+from iout_marl.parts.duplex.base import Duplex, Integers, duplexes
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import Fraction, Frequency, invalid
@@ -110,30 +109,7 @@ class TimeDivision(Duplex):
         return self.rule.energy_never_binds(energies, self.settings)
 
     def search_tables(self, levels: EnergyLevels, offset: Any) -> Tables:
-        link = self._link
-        return self.rule.search_tables(
-            levels,
-            link.at(link.harvested_w, offset),
-            link.at(link.power_per_snr_w, offset),
-            np.minimum(link.at(link.slot_uplink_j, offset), BEYOND_J),
-        )
+        return self.rule.search_links(levels, offset)
 
     def check_tables(self, levels: WholeLevels, offsets: Integers) -> list[list[list[int]]]:
-        link, duplex = self._link, self.settings
-        harvested_w, cost_w = link.harvested_w[offsets], link.power_per_snr_w[offsets]
-
-        def gain_j(beta: Floats) -> Floats:
-            required_j = link.budget.required_energy_j(cost_w, (1 - beta) * link.slot_s)
-            return np.asarray(beta * link.slot_s * harvested_w - required_j)
-
-        low, high = (np.full(len(offsets), beta) for beta in (duplex.beta_min, duplex.beta_max))
-        # What overflows is an uplink that nothing pays.
-        with np.errstate(over="ignore", invalid="ignore"):
-            least_j, most_j = gain_j(low), highest(gain_j, low, high)
-        if np.isnan(least_j).any() or np.isnan(most_j).any():
-            raise ArithmeticError
-        energies_j = (harvested_w * link.slot_s, link.slot_uplink_j[offsets], least_j, most_j)
-        return [
-            self.rule.check_rows(levels, *row)
-            for row in zip(*(energy_j.tolist() for energy_j in energies_j), strict=True)
-        ]
+        return self.rule.check_links(levels, offsets)
