@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from iout_marl.arrays.backend import Backend
 from iout_marl.core.grid import Grid
+from iout_marl.core.limits import DEAREST_J
 from iout_marl.core.link import Link, SlotEnergies
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario
@@ -51,6 +52,11 @@ def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> 
         when = "bind only where uplinks disturb one another" if disturbed else "never bind"
         uplink = f"the dearest uplink takes {_joules(dearest)}" + " alone" * disturbed
         return f"energy can {when}: {bounds}, and {uplink}"
+    if richest == 0:
+        return "no node can ever be charged: from no cell of the grid does one harvest anything"
+    has_range = not scenario.uplink.part.fills_its_time
+    if has_range and uplink_j.min() >= DEAREST_J:
+        return "no node can ever be heard: from every cell of the grid each is out of range"
     # All AUVs may charge one node through the whole episode.
     charges = slots * scenario.num_auvs
     if richest * charges <= uplink_j.min():
@@ -63,9 +69,14 @@ def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> 
         return None
     nearest_m = float(link.distance_m[offsets][away].min())
     if richest * charges <= uplink_j[away].min():
+        takes = (
+            f"an uplink takes {_joules(uplink_j[away].min())}, more than all {slots:,} slots of an "
+            "episode bring"
+        )
+        if has_range and uplink_j[away].min() >= DEAREST_J:
+            takes = "it is out of range"
         return (
-            f"a node can be heard from its own cell alone: from the next one an uplink takes "
-            f"{_joules(uplink_j[away].min())}, more than all {slots:,} slots of an episode bring "
+            f"a node can be heard from its own cell alone: from the next one {takes} "
             f"({_loss(link, nearest_m, link.budget.uplink_frequency_khz)})"
         )
     if harvest_j[away].max() * charges <= uplink_j.min():

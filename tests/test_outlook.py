@@ -72,6 +72,56 @@ def test_packets_that_no_band_can_carry():
     assert "takes more than 1e+36 J" in line
 
 
+AT_SEA = {
+    "channel.kind": "sonar",
+    "harvester": {"kind": "aperture", "area_m2": 0.02, "efficiency": 0.5},
+    "uplink": {
+        "kind": "modem",
+        "bit_rate_bps": 5000,
+        "packet_bits": 2048,
+        "bandwidth_hz": 5000,
+        "electronics_w": 1,
+        "maximum_source_level_db": 185,
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"harvester.threshold_w": 90, "charging.power_w": 100},
+            "no node can ever be charged: from no cell of the grid does one harvest anything",
+        ),
+        (
+            {"harvester.threshold_w": 90},
+            (
+                "a node can be charged from its own cell alone: from the next one a slot brings 0 J, "
+                "and the cheapest uplink takes 0.41 J (over 100 m sound of 40 kHz loses 31 dB)"
+            ),
+        ),
+        (
+            {"uplink.maximum_source_level_db": 100, "uplink.required_snr_db": 39.9},
+            (
+                "a node can be heard from its own cell alone: from the next one it is out of range "
+                "(over 100 m sound of 30 kHz loses 31 dB)"
+            ),
+        ),
+        (
+            {
+                "uplink.maximum_source_level_db": 100,
+                "uplink.required_snr_db": 40,
+                "channel.wind_m_per_s": 30,
+            },
+            "no node can ever be heard: from every cell of the grid each is out of range",
+        ),
+        ({}, None),
+    ],
+)
+def test_apertures_and_modems(changes, said):
+    assert outlook(**AT_SEA, **changes) == said
+
+
 def test_a_grid_of_one_cell():
     alone = {"grid.cells": [1, 1, 1], "nodes.cells": [[1, 1, 1]], "auvs.start_cells": [[1, 1, 1]]}
     assert "energy can never bind: a slot harvests 842 J to 842 J" in outlook(**alone)

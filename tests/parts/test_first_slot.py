@@ -41,11 +41,14 @@ KEYS = {
     "beta rule": "duplex.beta_rule",
     "channel": "channel",
     "duplex": "duplex",
+    "harvester": "harvester",
     "motion": "auvs.motion",
     "observation entry": "observation.entries",
     "placement": "nodes",
     "reward": "reward",
+    "uplink": "uplink",
 }
+PACKETS = {"packet_bits": 100.0, "bandwidth_hz": 3000.0}
 
 
 def ages(part, state):
@@ -342,6 +345,42 @@ def test_splits(scenario_with, registry, message):
             parts.absorptions,
             parts.Absorption,
             {"db_per_km": lambda part, khz: -1.0},
+        ),
+        (
+            "harvested_power_w must give a number for each of 3 levels, not 1.0",
+            parts.harvesters,
+            parts.Harvester,
+            {"harvested_power_w": lambda part, level_db, acoustic_w: 1.0},
+        ),
+        (
+            "harvested_power_w must be finite and from 0 W",
+            parts.harvesters,
+            parts.Harvester,
+            {"harvested_power_w": lambda part, level_db, acoustic_w: 150 - level_db},
+        ),
+        ("raises NotImplementedError", parts.harvesters, parts.Harvester, {}),
+        (
+            "required_energy_j must give a number for each of 3 distances, not 1.0",
+            parts.uplinks,
+            parts.Uplink,
+            {**PACKETS, "required_energy_j": lambda part, *args: 1.0},
+        ),
+        (
+            "least_time_s must be from 0",
+            parts.uplinks,
+            parts.Uplink,
+            {
+                **PACKETS,
+                "least_time_s": lambda part, distance_m, bands: distance_m - 1,
+                "required_energy_j": lambda part, *args: 1.0,
+            },
+        ),
+        ("packet_bits must be above 0", parts.uplinks, parts.Uplink, {"packet_bits": 0}),
+        (
+            "longest_uplink must be above 0 and at most 1, not 2",
+            parts.duplexes,
+            TimeDivision,
+            {"longest_uplink": 2},
         ),
     ],
 )
