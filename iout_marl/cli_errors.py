@@ -28,7 +28,7 @@ def notes_in_a_line() -> Iterator[None]:
             else:
                 show(message, category, *where, **options)
 
-        warnings.showwarning = show_note  # type: ignore[assignment]
+        warnings.showwarning = show_note
         yield
 
 

@@ -96,8 +96,8 @@ AT_SEA = {
         (
             {"harvester.threshold_w": 90},
             (
-                "a node can be charged from its own cell alone: from the next one a slot brings 0 J, "
-                "and the cheapest uplink takes 0.41 J (over 100 m sound of 40 kHz loses 31 dB)"
+                "a node can be charged from its own cell alone: from the next one a slot brings 0 "
+                "J, and the cheapest uplink takes 0.41 J (over 100 m sound of 40 kHz loses 31 dB)"
             ),
         ),
         (

@@ -130,8 +130,7 @@ def received_level_db(
 def intensity_w_per_m2(received_level_db: ArrayLike) -> Array:
     """Intensity of a plane wave, I = p²/(ρ c) with p = 10^(RL/20) µPa.
 
-    With ρ = 1025 kg/m³ and c = 1500 m/s, 0 dB re 1 µPa is 6.5·10⁻¹⁹ W/m². (R. J. Urick,
-    'Principles of Underwater Sound', 3rd ed. (1983), ch. 1.)
+    With ρ = 1025 kg/m³ and c = 1500 m/s, 0 dB re 1 µPa is 6.5·10⁻¹⁹ W/m².
 
     Args:
         received_level_db: RL in dB re 1 µPa.
