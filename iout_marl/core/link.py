@@ -13,7 +13,7 @@ from iout_marl.core.budget import LinkBudget
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import DEAREST_J, FARTHEST_M, bounded, check_link, unheard
 from iout_marl.errors import warn_once
-from iout_marl.physics.arrays import Array, lookup
+from iout_marl.physics.arrays import Array, ArrayLike, lookup
 from iout_marl.scenario import Scenario
 
 
@@ -51,6 +51,7 @@ class Link:
             warn_once(doubt)
         self.budget = LinkBudget(scenario)
         self.slot_s = scenario.slot_s
+        self._longest_uplink_s: float = self.slot_s * scenario.duplex.part.longest_uplink
         self._xp = backend.xp
         self._origin = backend.integers(grid.offset_origin)
         way_m = distance_m = bounded(grid.offset_distances_m(), 0.0, FARTHEST_M)
@@ -59,9 +60,9 @@ class Link:
             distance_m = bounded(grid.offset_distances_m(own_cell_m), 0.0, FARTHEST_M)
         harvested_w = self.budget.harvested_power_w(distance_m)
         power_per_snr_w = self.budget.power_per_snr_w(distance_m)
-        longest_s = self.slot_s * scenario.duplex.part.longest_uplink
-        uplink_j = self.budget.required_energy_j(power_per_snr_w, longest_s, distance_m)
-        uplink_j = bounded(uplink_j, 0.0, DEAREST_J)
+        uplink_j = self._uplink_j(power_per_snr_w, distance_m)
+        in_range = uplink_j < DEAREST_J
+        self._dearest_j = float(uplink_j.max(where=in_range, initial=0.0)) or DEAREST_J
         powers = {"power of an uplink": power_per_snr_w, "energy of an uplink": uplink_j}
         check_link(scenario, float(harvested_w.max()), powers)
         self.distance_m = backend.floats(distance_m)
@@ -71,6 +72,21 @@ class Link:
         self.slot_uplink_j = backend.floats(uplink_j)
         least_s = bounded(self.budget.least_uplink_s(distance_m), 0.0, FARTHEST_M)
         self.least_uplink_s = backend.floats(least_s)
+
+    def _uplink_j(self, power_per_snr_w: Array, distance_m: ArrayLike) -> Array:
+        energy_j = self.budget.required_energy_j(
+            power_per_snr_w, self._longest_uplink_s, distance_m
+        )
+        return bounded(energy_j, 0.0, DEAREST_J)
+
+    @unheard
+    def reference_uplink_j(self, distance_m: float) -> float:
+        """Energy of an uplink over a distance, to compare others with, in J.
+
+        Where that is out of range, it is the most that any uplink in range takes.
+        """
+        energy_j = float(self._uplink_j(self.budget.power_per_snr_w(distance_m), distance_m))
+        return energy_j if energy_j < DEAREST_J else self._dearest_j
 
     def offset(self, cell: Array, node_cell: Array) -> Array:
         """Index into the tables for cells and nodes' cells of the same (broadcast) shape."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.core.limits import DEAREST_J, UPLINK_W, bounded, unheard
+from iout_marl.core.limits import UPLINK_W
 from iout_marl.world import State, World
 
 Floats = npt.NDArray[np.float64]
@@ -42,11 +42,7 @@ def links(world: World, cell: Integers, state: State) -> Links:
 
 def near_uplink_j(world: World) -> float:
     """The energy of an uplink from the farthest next cell: what makes a store much or little."""
-    channel = world.link.budget
-    next_m = max(world.scenario.grid.edges_m)
-    power_per_snr_w = channel.power_per_snr_w(next_m)
-    uplink_j = unheard(channel.required_energy_j)(power_per_snr_w, world.link.slot_s, next_m)
-    return float(bounded(uplink_j, UPLINK_W[0], DEAREST_J))
+    return max(world.link.reference_uplink_j(max(world.scenario.grid.edges_m)), UPLINK_W[0])
 
 
 def greedy_action(

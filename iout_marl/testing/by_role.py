@@ -95,7 +95,7 @@ def check_harvester(part: Harvester, scenario: Scenario, _: Sequence[int]) -> No
 def check_uplink(part: Uplink, scenario: Scenario, seeds: Sequence[int]) -> None:
     """An uplink costs something, no less over a longer way, and no more in more time."""
     budget, slot_s = LinkBudget(scenario), scenario.slot_s
-    metres = np.linspace(1.0, scenario.grid.spacing_m * math.hypot(*scenario.grid.cells), 200)
+    metres = np.linspace(1.0, float(Grid.from_scenario(scenario).metres(scenario.grid.cells)), 200)
     watts = budget.power_per_snr_w(metres)
     found = np.asarray(budget.required_energy_j(watts, slot_s, metres))
     assert (found > 0).all(), "required_energy_j is not above 0"

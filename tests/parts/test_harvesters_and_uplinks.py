@@ -9,6 +9,7 @@ from iout_marl import InputError, World, bounds, errors, evaluate, load_scenario
 from iout_marl.core.limits import DEAREST_J
 from iout_marl.envs import AUVVectorEnv
 from iout_marl.parts.beta_rule.paper import PaperRule
+from iout_marl.policies.choice import near_uplink_j
 from trainers import Trainer
 
 APERTURE = {"kind": "aperture", "area_m2": 0.02, "efficiency": 0.5}
@@ -78,6 +79,15 @@ def test_a_packet_takes_its_airtime_wherever_the_auv_is(duplex):
     level_db = 10 * np.log10(link.power_per_snr_w * 10 * 0.5) + 170.8
     np.testing.assert_array_equal(reached, level_db <= 112)
     assert 0 < reached.sum() < reached.size
+
+
+@both
+@pytest.mark.parametrize("level_db", [112.0, 102.0])
+def test_stored_energy_is_compared_with_uplinks_in_range(duplex, level_db):
+    """Half the grid's diagonal is out of range, at 102 dB the next cell too."""
+    world = World(scenario(duplex, **{"uplink.maximum_source_level_db": level_db}))
+    for reference_j in (world.representation.reference_energy_j, near_uplink_j(world)):
+        assert reference_j == pytest.approx(0.4096, rel=1e-3)
 
 
 @both

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from iout_marl.core.grid import Grid
-from iout_marl.core.limits import FARTHEST_M, UPLINK_W, bounded, unheard
+from iout_marl.core.limits import FARTHEST_M, UPLINK_W, bounded
 from iout_marl.core.link import Link
 from iout_marl.core.ranges import Ranges
 from iout_marl.parts.base import Context, Part
@@ -23,8 +23,8 @@ class Representation(Part):
     """What an AUV sees, and how it is written: here as it is, in cells, slots and joules.
 
     Attributes:
-        reference_energy_j: that of an uplink over half the grid's diagonal, in J: the reference for
-            stored energies.
+        reference_energy_j: that of an uplink over half the grid's diagonal, or as far as uplinks
+            reach, in J: the reference for stored energies.
     """
 
     class Settings(PartSettings):
@@ -139,7 +139,6 @@ representations: Registry[type[Representation]] = Registry("observation", Repres
 def _reference_energy_j(grid: Grid, link: Link) -> float:
     """Energy of an uplink over half the grid's diagonal: the yardstick for stored energy."""
     half_diagonal_m = 0.5 * float(grid.metres(grid.shape))
-    power_per_snr_w = link.budget.power_per_snr_w(min(half_diagonal_m, FARTHEST_M))
-    reference_energy_j = unheard(link.budget.required_energy_j)(power_per_snr_w, link.slot_s)
+    reference_energy_j = link.reference_uplink_j(min(half_diagonal_m, FARTHEST_M))
     # Divisors must be no less than numbers are, nor more.
     return float(bounded(reference_energy_j, *UPLINK_W))

@@ -76,7 +76,7 @@ class Uplink(Part):
         for name in ("packet_bits", "bandwidth_hz"):
             if not is_number(getattr(self, name), SMALLEST):
                 raise self.fault(f"{name} must be above 0, not {short(getattr(self, name))}")
-        metres = np.array([0.0, 1.0, 2.0]) * scenario.grid.spacing_m
+        metres = np.array([0.0, 1.0, 2.0]) * max(scenario.grid.edges_m)
         watts, channel = np.array([1e-3, 1.0, 2.0]), scenario.channel.part
         with np.errstate(all="ignore"):
             for name, values in {
