@@ -193,8 +193,8 @@ REFUSED = {
         "tdd",
         {"duplex.beta_rule": "stored"},
         (
-            "uplink.kind: 'modem' sends for its airtime, whatever time there is: time division "
-            "takes duplex.beta_rule: airtime for it"
+            "uplink.kind: 'modem' takes a time of its own for a packet, whatever time there is: "
+            "time division takes duplex.beta_rule: airtime for it"
         ),
     ),
     "packets without an airtime": (

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 from test_contracts import CELLS, OVERRIDES
+from test_contracts import SETTINGS as CONTRACTS
 from tiny_study import SameProcess, write_study
 
 from iout_marl import InputError, Trainer, bounds, evaluate, load_scenario, record_episode
@@ -46,6 +47,7 @@ SETTINGS = {
     ("placement", "random"): {"count": 4},
     ("duplex", "tdd"): {"beta_rule": "stored"},
     ("optimizer", "torch"): {"name": "AdamW"},
+    **{key: of[0] for key, of in CONTRACTS.items() if key[0] in ("harvester", "uplink")},
 }
 KEYS = {
     "absorption": "channel.absorption",
@@ -53,6 +55,7 @@ KEYS = {
     "beta rule": "duplex.beta_rule",
     "channel": "channel",
     "duplex": "duplex",
+    "harvester": "harvester",
     "motion": "auvs.motion",
     "network": "training.network",
     "observation": "observation",
@@ -60,6 +63,7 @@ KEYS = {
     "optimizer": "training.optimizer",
     "placement": "nodes",
     "reward": "reward",
+    "uplink": "uplink",
 }
 #: The worlds, with penalties in time division that are none of frequency division.
 PENALTIES = {

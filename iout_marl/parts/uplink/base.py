@@ -9,7 +9,7 @@ from iout_marl.parts.channel import Channel
 from iout_marl.physics.arrays import Array, ArrayLike
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
-from iout_marl.scenario.fields import SMALLEST
+from iout_marl.scenario.fields import SMALLEST, invalid
 from iout_marl.whole import is_number, short
 
 
@@ -19,11 +19,11 @@ class Uplink(Part):
     Its arguments are not checked: a scenario may say what physics refuses.
 
     Attributes:
-        fills_its_time: whether a packet takes all the time that there is for it, and is the
-            cheaper the longer that is. If not, it takes what `least_time_s` says.
+        fills_its_time: whether packets are sent at Shannon's rate in all the time that there is,
+            the cheaper the longer that is. If not, they take what `least_time_s` says.
     """
 
-    fills_its_time: bool = True
+    fills_its_time: bool = False
 
     @property
     def packet_bits(self) -> float:
@@ -67,6 +67,26 @@ class Uplink(Part):
             energy in the broadcast shape of the first three; infinite where no packet can arrive.
         """
         raise NotImplementedError
+
+    def check(self, scenario: Scenario) -> None:
+        """Refuse parts that weigh the time of an uplink by Shannon's rate, where it is not that."""
+        if self.fills_its_time:
+            return
+        kind, access = self.settings.kind, scenario.channel.part.access
+        if scenario.duplex.part.uplinks_fill_their_time:
+            raise invalid(
+                ("uplink", "kind"),
+                f"{kind!r} takes a time of its own for a packet, whatever time there is: time "
+                "division takes duplex.beta_rule: airtime for it",
+                beside=("duplex",),
+            )
+        if scenario.num_auvs > 1 and access.uplinks_disturb:
+            raise invalid(
+                ("uplink", "kind"),
+                f"{kind!r} does not raise its level against other uplinks: for several AUVs "
+                f"channel.access must be orthogonal or exclusive, not {access.settings.kind!r}",
+                beside=("channel", "access"),
+            )
 
     def check_stated(self, scenario: Scenario) -> None:
         if not isinstance(self.fills_its_time, bool):

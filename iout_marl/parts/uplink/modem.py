@@ -52,7 +52,6 @@ class Modem(Uplink):
         power_control: bool = True
 
     settings: Settings
-    fills_its_time = False
 
     def check(self, scenario: Scenario) -> None:
         channel, duplex = scenario.channel.part, scenario.duplex.part
@@ -63,21 +62,7 @@ class Modem(Uplink):
                 f"which {scenario.channel.kind!r} does not have",
                 beside=("channel", "kind"),
             )
-        if duplex.uplinks_fill_their_time:
-            raise invalid(
-                ("uplink", "kind"),
-                "'modem' sends for its airtime, whatever time there is: time division takes "
-                "duplex.beta_rule: airtime for it",
-                beside=("duplex",),
-            )
-        if scenario.num_auvs > 1 and channel.access.uplinks_disturb:
-            raise invalid(
-                ("uplink", "kind"),
-                f"'modem' does not raise its level against other uplinks: for several AUVs "
-                f"channel.access must be orthogonal or exclusive, not "
-                f"{channel.access.settings.kind!r}",
-                beside=("channel", "access"),
-            )
+        super().check(scenario)
         bands = channel.access.num_bands(scenario.num_auvs)
         airtime_s, longest_s = self._airtime_s(bands), scenario.slot_s * duplex.longest_uplink
         if airtime_s > longest_s:

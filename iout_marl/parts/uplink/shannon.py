@@ -25,6 +25,7 @@ class Shannon(Uplink):
         hash_defaults: ClassVar[dict[str, Any]] = {"kind": "shannon"}
 
     settings: Settings
+    fills_its_time = True
 
     def required_energy_j(
         self,
