@@ -66,7 +66,7 @@ def unknown_keys(models: tuple[Model, ...], data: Any, path: KeyPath = ()) -> It
 def _in_field(field: FieldInfo, value: Any, path: KeyPath) -> Iterator[Unknown]:
     sections, part = sections_of(field), part_of(field)
     if part:
-        value = part.with_default(value)
+        value = part.completed(value)
     if sections:
         yield from unknown_keys(sections, value, path)
         return
