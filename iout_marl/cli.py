@@ -26,7 +26,7 @@ from iout_marl.cli_options import (
     Overrides,
     ScenarioArgument,
     expanded,
-    file,
+    file_ending,
     give_out,
     refuse_same_file,
     take,
@@ -155,7 +155,7 @@ def evaluate_command(
         Path | None,
         typer.Option(
             metavar="FILE",
-            parser=file,
+            parser=file_ending(".json"),
             help="Keep the first episode of one policy as JSON, for iout replay --recording.",
         ),
     ] = None,

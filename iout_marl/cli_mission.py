@@ -99,5 +99,11 @@ def mission(
         f"{out}: {counted(len(written), 'file')} written: {counted(loaded.num_auvs, 'AUV')}, "
         f"{planned.at(0)} to {planned.at(end_s)}"
     )
+    stays_s = [stop.hold_s for route in planned.routes for stop in route.waypoints if stop.hold_s]
+    if any(each.name == "imc" for each in wanted) and stays_s:
+        present(
+            f"note: imc has {counted(len(stays_s), 'stay')}, of {max(stays_s):,.0f} s at most, for "
+            "which a vehicle may come to the surface"
+        )
     for route in planned.routes:
         present(f"AUV {route.auv}: {counted(len(route.waypoints), 'waypoint')}")

@@ -54,11 +54,11 @@ def new_scenario_file(path: Path) -> Path:
     Raises:
         InputError: it is there already.
     """
-    if path.suffix not in SUFFIXES:
-        path = path.with_name(f"{path.name}.yaml")
-    if os.path.lexists(path):
+    whole = path if path.suffix in SUFFIXES else path.with_name(f"{path.name}.yaml")
+    if found := next(filter(os.path.lexists, (path, whole)), None):
+        path = found
         raise InputError(f"{path}: is there already, and is not written over: name another file")
-    return path
+    return whole
 
 
 def named_in(path: Path, scenario: Path) -> str:

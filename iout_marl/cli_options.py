@@ -60,6 +60,22 @@ def file(text: str) -> Path:
     return path
 
 
+def file_ending(*endings: str) -> Callable[[str], Path]:
+    """Reads the path of a file to write, whose name says what it is: so nothing else is lost.
+
+    What is no ordinary file, such as a pipe, may be called anything.
+    """
+
+    def parse(text: str) -> Path:
+        path = file(text)
+        is_other = os.path.exists(path) and not os.path.isfile(path)  # noqa: PTH110, PTH113
+        if not is_other and path.suffix.lower() not in endings:
+            raise typer.BadParameter(f"{path}: must end in {' or '.join(endings)}")
+        return path
+
+    return parse
+
+
 def _path(text: str, what: str) -> Path:
     if not text.strip():
         raise typer.BadParameter(f"must name {what}, not be empty")

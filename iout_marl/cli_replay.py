@@ -13,7 +13,7 @@ from iout_marl.cli_options import (
     Imports,
     Overrides,
     expanded,
-    file,
+    file_ending,
     refuse_same_file,
     take,
     whole,
@@ -35,18 +35,7 @@ from iout_marl.world import draws_layout_once
 
 #: Where the page is written if nothing is said.
 _PAGE = Path("replay.html")
-
-
-def _film(ending: str) -> type[Path]:
-    """Reads the path of a film to write."""
-
-    def parse(text: str) -> Path:
-        path = file(text)
-        if path.suffix.lower() != ending:
-            raise typer.BadParameter(f"{path}: must end in {ending}")
-        return path
-
-    return parse  # type: ignore[return-value] # Typer takes any function
+_FPS = 5
 
 
 def replay(
@@ -79,20 +68,23 @@ def replay(
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", parser=file, help=f"The page [{_PAGE}, unless there is a film]."
+            metavar="FILE",
+            parser=file_ending(".html"),
+            help=f"The page [{_PAGE}, unless there is a film].",
         ),
     ] = None,
     gif: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", parser=_film(".gif"), help="A film as an animated GIF."),
+        typer.Option(metavar="FILE", parser=file_ending(".gif"), help="A film as an animated GIF."),
     ] = None,
     mp4: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", parser=_film(".mp4"), help="A film as an MP4."),
+        typer.Option(metavar="FILE", parser=file_ending(".mp4"), help="A film as an MP4."),
     ] = None,
     fps: Annotated[
-        int, typer.Option(metavar="N", parser=whole(1, 50), help="Slots a second of a film.")
-    ] = 5,
+        int | None,
+        typer.Option(metavar="N", parser=whole(1, 50), help=f"Slots a second of a film [{_FPS}]."),
+    ] = None,
     seed: Annotated[
         int,
         typer.Option(
@@ -121,6 +113,8 @@ def replay(
         raise InputError(f"name one or two of --policy and --recording, not {given}")
     if names and scenario is None:
         raise InputError("--policy: needs a SCENARIO to play in")
+    if fps is not None and not (gif or mp4):
+        raise InputError("--fps: is of a film, by --gif or --mp4")
     if gif or mp4:
         require("--gif" if gif else "--mp4", "film", "imageio_ffmpeg", "matplotlib")
     loaded = None if scenario is None else load_scenario(scenario, overrides or [])
@@ -141,8 +135,8 @@ def replay(
         write_text(page, render_page(recordings))
         _say(page, f"{slots} of {who}")
     for film in filter(None, (gif, mp4)):
-        write_film(film, frames(recordings), fps)
-        _say(film, f"{slots} of {who}, {fps} a second")
+        write_film(film, frames(recordings), fps or _FPS)
+        _say(film, f"{slots} of {who}, {fps or _FPS} a second")
 
 
 def _read(path: str, scenario: Scenario | None) -> Recording:

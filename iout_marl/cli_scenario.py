@@ -11,6 +11,7 @@ from rich.table import Table
 
 from iout_marl.cli_new import named_in, new_scenario_file
 from iout_marl.cli_options import Imports, Overrides, expanded, file, take
+from iout_marl.errors import InputError
 from iout_marl.files import write_text
 from iout_marl.mission.from_nodes import Extended, described, scenario_data, snap
 from iout_marl.mission.node_files import read_nodes
@@ -63,7 +64,10 @@ def from_nodes(
     keeps_cells = "cells" in layer.data.get("grid", {})
     snapped = snap(read, extended.bare, keeps_cells=keeps_cells)
     # What is wrong with it shows before it is written.
-    load_scenario(scenario_data(snapped, extended, str(found.absolute()), path.name))
+    try:
+        load_scenario(scenario_data(snapped, extended, str(found.absolute()), path.name))
+    except InputError as error:
+        raise InputError(f"{path}: {str(error).removeprefix('mapping: ')}") from None
     data = scenario_data(snapped, extended, named_in(out, found), path.name)
     summary = described(path, snapped, extended.moved_start(snapped.grid))
     write_text(out, f"# {summary}.\n{dump_yaml(data)}".rstrip("\n"))

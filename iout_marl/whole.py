@@ -54,7 +54,10 @@ def is_number(value: Any, least: float = -math.inf, most: float = math.inf) -> b
     """Whether it is a finite number within these."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         return False
-    return math.isfinite(value) and least <= float(value) <= most
+    try:
+        return math.isfinite(value) and least <= float(value) <= most
+    except OverflowError:  # a whole number larger than any float
+        return False
 
 
 def short(value: Any) -> str:

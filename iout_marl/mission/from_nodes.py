@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from iout_marl.mission.geography import Floats, Place
 from iout_marl.mission.node_files import NodeFile
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.scenario.layers import Layer, overrides_layer
+from iout_marl.scenario.schema import MAX_CELLS
 from iout_marl.scenario.sections import Grid, Origin
 from iout_marl.scenario.spacing import spacing_text
 from iout_marl.words import counted
@@ -63,6 +65,13 @@ def snap(nodes: NodeFile, scenario: Scenario, *, keeps_cells: bool) -> SnappedNo
     grid = scenario.grid
     if nodes.is_on_earth and grid.origin is None:
         grid = _laid_around(nodes.points, grid, keeps_cells=keeps_cells)
+        if math.prod(grid.cells) > MAX_CELLS:
+            shape = " × ".join(f"{n:,}" for n in grid.cells)
+            raise InputError(
+                f"{nodes.name}: the nodes lie so far apart that a grid around them has {shape} "
+                f"cells of {spacing_text(grid.spacing_m)}: {MAX_CELLS:,} at most; larger ones by "
+                "--set grid.spacing_m"
+            )
     place = Place(grid)
     local = place.from_geodetic(nodes.points) if nodes.is_on_earth else nodes.points
     cells = place.cells(local)

@@ -6,7 +6,7 @@ import csv
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,11 +41,13 @@ class NodeFile:
         is_on_earth: they are latitudes, longitudes and depths; otherwise x, y and depth in m.
         points: (nodes, 3).
         places: where each node stands in the file, for messages.
+        name: of the file.
     """
 
     is_on_earth: bool
     points: Floats
     places: tuple[str, ...]
+    name: str = ""
 
 
 def read_nodes(path: Path) -> NodeFile:
@@ -66,7 +68,7 @@ def read_nodes(path: Path) -> NodeFile:
     if not 1 <= len(found.points) <= MAX_NODES:
         number = len(found.points) or "no"
         raise InputError(f"{show_file(path)}: has {number} nodes; 1 to {MAX_NODES:,} are allowed")
-    return found
+    return replace(found, name=show_file(path))
 
 
 def _plain(name: str) -> str:

@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 _MOST_VALUES = 14  # nodes whose numbers fit above their bars
 
 
-def as_picture(snapshot: Snapshot, trail: Integers | None = None) -> npt.NDArray[np.uint8]:
+def as_picture(
+    snapshot: Snapshot, trail: Integers | None = None, energies_to_j: float = 0.0
+) -> npt.NDArray[np.uint8]:
     """The environment as pixels, (600, 960, 3).
 
     To the left the map from above: the colour of a node is its age, the ring around it
@@ -37,6 +39,7 @@ def as_picture(snapshot: Snapshot, trail: Integers | None = None) -> npt.NDArray
     Args:
         snapshot: what is shown.
         trail: (places, auvs, 3) cells where the AUVs were in the slots before; None for no trail.
+        energies_to_j: an energy that the axis of energies has room for, as that beside it does.
     """
     title = shortened(snapshot.title, 42)
     with drawing(title) as replaced:
@@ -51,7 +54,7 @@ def as_picture(snapshot: Snapshot, trail: Integers | None = None) -> npt.NDArray
                 edges_m=s.edges_m,
                 num_nodes=s.num_nodes,
                 age_top=max(s.maximum_age, 2.0),
-                energy_top_j=axis_top(s.energies_j, s.energy_yardstick_j),
+                energy_top_j=axis_top(np.append(s.energies_j, energies_to_j), s.energy_yardstick_j),
                 yardstick_j=s.energy_yardstick_j,
             ),
         )

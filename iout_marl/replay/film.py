@@ -9,6 +9,7 @@ import numpy as np
 
 from iout_marl.render import as_picture
 from iout_marl.render.film import Frame
+from iout_marl.replay.names import short_names
 from iout_marl.replay.recording import Recording
 
 #: Slots that the trail behind an AUV reaches back.
@@ -26,14 +27,22 @@ def frame(recordings: Sequence[Recording], place: int) -> Frame:
 
     An episode that is over waits at its end. Where there are two, each is titled by its policy.
     """
-    is_compared = len(recordings) > 1
-    return np.concatenate([_picture(each, place, is_compared) for each in recordings], axis=1)
-
-
-def _picture(recording: Recording, place: int, is_compared: bool) -> Frame:  # noqa: FBT001
-    place = min(place, recording.slots)
-    snapshot = recording.snapshot(place)
-    if is_compared:
-        snapshot = replace(snapshot, title=f"{recording.policy}, {recording.scenario}")
-    trail = recording.path[max(place - TRAIL_SLOTS, 0) : place]
-    return as_picture(snapshot, trail if len(trail) else None)
+    places = [min(place, each.slots) for each in recordings]
+    snapshots = [each.snapshot(at) for each, at in zip(recordings, places, strict=True)]
+    if len(recordings) > 1:
+        names = short_names(recordings)
+        snapshots = [
+            replace(shown, title=f"{name}, {each.scenario}")
+            for shown, name, each in zip(snapshots, names, recordings, strict=True)
+        ]
+    # Side by side, energies have one axis.
+    most_j = max(float(np.max(shown.energies_j)) for shown in snapshots)
+    trails = [
+        each.path[max(at - TRAIL_SLOTS, 0) : at]
+        for each, at in zip(recordings, places, strict=True)
+    ]
+    pictures = [
+        as_picture(shown, trail if len(trail) else None, most_j)
+        for shown, trail in zip(snapshots, trails, strict=True)
+    ]
+    return np.concatenate(pictures, axis=1)

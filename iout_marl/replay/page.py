@@ -21,6 +21,7 @@ from iout_marl.render.hull import hull_svg
 from iout_marl.render.labels import displayable, energy_text
 from iout_marl.render.layout import drawn_edges, place_nodes, stretched_axes
 from iout_marl.replay.film import TRAIL_SLOTS
+from iout_marl.replay.names import short_names
 from iout_marl.replay.recording import Recording
 from iout_marl.scenario.spacing import edges_m, spacing_text
 from iout_marl.words import counted, listed
@@ -46,8 +47,9 @@ def render_page(recordings: Sequence[Recording]) -> str:
     check_together(recordings)
     shared, own = _facts(recordings)
     names = [displayable(r.scenario) for r in recordings]
+    policies = [displayable(name) for name in short_names(recordings)]
     parts = {
-        "title": html.escape(f"{names[0]}: {listed([displayable(r.policy) for r in recordings])}"),
+        "title": html.escape(f"{names[0]}: {listed(policies)}"),
         "style": _asset("page.css"),
         "data": json_for_script(
             to_json(
@@ -57,8 +59,8 @@ def render_page(recordings: Sequence[Recording]) -> str:
                     "legend": _legend(recordings),
                     "look": _look(),
                     "episodes": [
-                        {**_episode(recording), "facts": facts}
-                        for recording, facts in zip(recordings, own, strict=True)
+                        {**_episode(recording), "policy": policy, "facts": facts}
+                        for recording, policy, facts in zip(recordings, policies, own, strict=True)
                     ],
                 }
             )
@@ -171,7 +173,6 @@ def _look() -> dict[str, Any]:
 def _episode(r: Recording) -> dict[str, Any]:
     """What the page knows of an episode; lists are flat, slots or places first."""
     return {
-        "policy": displayable(r.policy),
         "grid": list(r.grid),
         "slot_s": r.slot_s,
         "max_age": r.maximum_age,

@@ -56,7 +56,7 @@ def test_run_and_code_of_ones_own_side_by_side(iout, tmp_path, run, tiny_setting
     words = ["replay", "best/k3-fdd", *tiny_settings, "--policy", run, "--policy", "mine.py:still"]
     status, _, err = iout(*words, "--out", "page.html")
     assert (status, err) == (0, "")
-    assert policies_of(tmp_path / "page.html") == [str(run), "mine.py:still"]
+    assert policies_of(tmp_path / "page.html") == [run.name, "mine.py:still"]
 
 
 def test_policy_beside_a_recording(iout, tmp_path, episode):
@@ -156,12 +156,16 @@ BAD = {
         [*K3, "--policy", "greedy", "--gif", "film.mp4"],
         "Invalid value for '--gif': film.mp4: must end in .gif",
     ),
-    "one-file": (
-        [*K3, "--policy", "greedy", "--out", "film.gif", "--gif", "film.gif"],
-        "--out and --gif must name different files",
+    "no-page": (
+        [*K3, "--policy", "greedy", "--out", "nodes.csv"],
+        "Invalid value for '--out': nodes.csv: must end in .html",
+    ),
+    "no-film": (
+        [*K3, "--policy", "greedy", "--fps", "9"],
+        "--fps: is of a film, by --gif or --mp4",
     ),
     "one-file-by-a-link": (
-        [*K3, "--policy", "greedy", "--out", "link.gif", "--gif", "film.gif"],
+        [*K3, "--policy", "greedy", "--out", "link.html", "--gif", "film.gif"],
         "--out and --gif must name different files",
     ),
     "sampled": (
@@ -169,8 +173,8 @@ BAD = {
         "--sampled: none of the policies is a trained one",
     ),
     "over-its-input": (
-        ["--recording", "episode.json", "--out", "episode.json"],
-        f"episode.json: {READ}",
+        ["--recording", "episode.json", "--out", "episode.html"],
+        f"episode.html: {READ}",
     ),
     "no-folder": (
         [*K3, "--policy", "greedy", "--out", "no/page.html"],
@@ -183,7 +187,8 @@ BAD = {
 def test_bad_input(refused, tmp_path, episode, case):
     words, line = BAD[case]
     (tmp_path / "film.gif").write_text("mine")
-    (tmp_path / "link.gif").symlink_to("film.gif")
+    (tmp_path / "link.html").symlink_to("film.gif")
+    (tmp_path / "episode.html").symlink_to("episode.json")
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     hash_ = json.loads(episode.read_text())["scenario_hash"]
     assert refused("replay", *words).startswith(line.replace("HASH", hash_))
@@ -237,8 +242,10 @@ def test_run_of_another_scenario(refused, run, tmp_path):
 @pytest.mark.parametrize("name", ["policy.json", "scenario.yaml"])
 def test_files_of_a_run_are_kept(refused, run, tiny_settings, name):
     before = (run / name).read_bytes()
-    words = ["replay", "best/k3-fdd", *tiny_settings, "--policy", run, "--out", run / name]
-    assert refused(*words).endswith(f"it is a file of the run {run}")
+    words = ["replay", "best/k3-fdd", *tiny_settings, "--policy", run, "--out"]
+    assert refused(*words, run / name).endswith("must end in .html (see: iout --help)")
+    Path("link.html").symlink_to(run / name)
+    assert refused(*words, "link.html").endswith(f"it is a file of the run {run}")
     assert (run / name).read_bytes() == before
 
 

@@ -198,7 +198,7 @@ def test_settings_are_of_the_new_nodes_and_grid(iout, settings, expected, source
     [
         ("nodes.cells=[[1,1,1]]", "--set nodes.cells=[[1,1,1]]: nodes lie where the file says"),
         ("nodes.kind=random", "--set nodes.kind=random: nodes lie where the file says"),
-        ("nodes.weights=[1,2,3]", "mapping: nodes.weights: must list one weight for each of the 2"),
+        ("nodes.weights=[1,2,3]", "n.csv: nodes.weights: must list one weight for each of the 2"),
         ("nodes=3", "--set nodes=3: nodes: "),
         ("auvs=3", "--set auvs=3: auvs: "),
         ("grid=3", "--set grid=3: grid: "),
@@ -279,7 +279,7 @@ BAD = {
     "too-large": (
         "n.csv",
         "lat,lon,z\n0,0,3\n9,9,3\n",
-        "mapping: grid.cells: must be at most 1,000,000 cells",
+        "n.csv: the nodes lie so far apart that a grid around them has 9,937",
     ),
     "no-json": ("n.geojson", "{", "n.geojson: is no JSON: "),
     "no-collection": (

@@ -1,5 +1,7 @@
 """Films: every slot is a frame, drawn quickly, and players open them."""
 
+from dataclasses import replace
+
 import gymnasium
 import imageio_ffmpeg
 import numpy as np
@@ -9,7 +11,7 @@ from PIL import Image
 from iout_marl import InputError, record_policy
 from iout_marl.render import as_picture
 from iout_marl.render.film import write_film
-from iout_marl.replay.film import frames
+from iout_marl.replay.film import TRAIL_SLOTS, frame, frames
 
 SHORT = {"episode.duration_s": 100}
 #: imageio-ffmpeg leaves pipes to ffmpeg to be closed by Python.
@@ -58,10 +60,10 @@ def test_film_shows_every_slot(tmp_path, pictures, ending):
     assert len(found) == len(pictures) == 5  # the start, and four slots
     assert about["fps"] == 5
     assert about["size"] == (960, 600)
-    for frame, picture in zip(found, pictures, strict=True):
-        off = np.abs(frame.astype(int) - picture)
+    for shown, picture in zip(found, pictures, strict=True):
+        off = np.abs(shown.astype(int) - picture)
         assert off.mean() < 3
-        others = [np.abs(frame.astype(int) - other).mean() for other in pictures]
+        others = [np.abs(shown.astype(int) - other).mean() for other in pictures]
         assert np.argmin(others) in [i for i, p in enumerate(pictures) if p is picture]
 
 
@@ -116,3 +118,16 @@ def test_gymnasium_records_videos(tmp_path):
     assert len(found) == 5
     assert about["size"] == (960, 600)
     assert about["fps"] == env.metadata["render_fps"]
+
+
+def test_energies_side_by_side_have_one_axis(recordings):
+    own = recordings[0]
+    richer, end = replace(own, energy_j=5 * own.energy_j), own.slots
+    trail = own.path[max(end - TRAIL_SLOTS, 0) : end]
+    alone, beside = (
+        as_picture(own.snapshot(end), trail, most_j)
+        for most_j in (0.0, float(richer.energy_j[end].max()))
+    )
+    shown = frame([own, richer], end)[60:, :960]  # below the title
+    assert np.array_equal(shown, beside[60:])
+    assert not np.array_equal(shown, alone[60:])
