@@ -76,16 +76,24 @@ def _setting(key: Key, value: Any, *, is_off: bool = False) -> Iterator[str]:
 def _other_kind(
     scenario: Scenario, section: str, entry: Entry[Any], data: Mapping[str, Any]
 ) -> Sequence[str]:
-    """A section of another kind: what both kinds have as it is, all else by default."""
-    found = {key.name: value_at(data, f"{section}.{key.name}") for key in keys_of_kind(entry)}
+    """A section of another kind: what both kinds have as it is, all else by default.
+
+    Keys that must be given stand in remarks.
+    """
+    own = keys_of_kind(entry)
+    found = {key.name: value_at(data, f"{section}.{key.name}") for key in own}
     kept = {name: value for name, value in found.items() if value is not None}
     change = {section: {"kind": entry.kind, **kept}}
     try:
         whole = load_scenario(scenario, change).model_dump(mode="json")[section]
         change[section] = {"kind": entry.kind, **whole}
-    except InputError:  # it has a key without a default, which the schema names
+    except InputError:  # it has a key without a default, or needs another key elsewhere
         pass
-    return dump_yaml(change).splitlines()
+    lacking = [key for key in own if key.default is ... and key.name not in change[section]]
+    return [
+        *dump_yaml(change).splitlines(),
+        *(f"  {line}" for key in lacking for line in _remark(f"{key.name}: {described(key)}")),
+    ]
 
 
 def _about(entry: Entry[Any]) -> str:

@@ -6,7 +6,7 @@ from typing import Annotated
 import pytest
 from pydantic import Field
 
-from iout_marl import load_scenario, parts
+from iout_marl import InputError, load_scenario, parts
 from iout_marl.registry import registry_of
 from iout_marl.scenario import Scenario, Training
 from iout_marl.scenario.reference import keys, keys_of_kind
@@ -48,6 +48,12 @@ def alternatives(text):
             yield name, re.search(r"^  kind: (\w+)", on, re.MULTILINE)[1], text.replace(block, on)
 
 
+def must_be_given(name, kind):
+    """The keys of a kind that have no default."""
+    (role,) = (key.part.role for key in keys(Scenario) if key.name == name)
+    return {key.name for key in keys_of_kind(registry_of(role)[kind]) if key.default is ...}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("base", BASES)
 def test_a_starter_is_what_it_extends(base, tmp_path):
@@ -81,10 +87,17 @@ def test_other_kinds_can_be_switched_on(base, tmp_path):
     found = list(alternatives(text_of(base)))
     assert {"channel", "duplex", "reward", "observation"} <= {name for name, *_ in found}
     for name, kind, text in found:
-        if kind != "fixed":  # whose cells nothing gives
-            scenario = load(text, tmp_path)
-            assert getattr(scenario, name).kind == kind
-            assert scenario.num_nodes == load_scenario(base).num_nodes
+        lacking = must_be_given(name, kind) - set(
+            re.findall(r"^  (\w+):", blocks(text)[name], re.MULTILINE)
+        )
+        if lacking:  # they stand in remarks
+            assert all(f"\n  # {key}: " in blocks(text)[name] for key in lacking)
+            with pytest.raises(InputError, match=rf"{name}\.\w+: is missing"):
+                load(text, tmp_path)
+            continue
+        scenario = load(text, tmp_path)
+        assert getattr(scenario, name).kind == kind
+        assert scenario.num_nodes == load_scenario(base).num_nodes
 
 
 @pytest.mark.parametrize("base", BASES)
