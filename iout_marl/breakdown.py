@@ -35,6 +35,13 @@ NODE_COLUMNS = (
     Column("spent_j", "spent J", 1),
     Column("left_j", "left J", 1),
 )
+#: Of nodes whose stores have limits, after `NODE_COLUMNS`.
+STORE_COLUMNS = (
+    Column("spilled_j", "spilled J", 1),
+    Column("leaked_j", "leaked J", 1),
+    Column("idle_j", "idle J", 1),
+    Column("asleep_slots", "asleep slots", 1),
+)
 AUV_COLUMNS = (
     Column("distance_m", "distance m", 0),
     Column("moving_slots", "moving slots", 1),
@@ -52,6 +59,8 @@ class Breakdown:
         slot_s: length of a slot.
         nodes: by the names of `NODE_COLUMNS`, (episodes, nodes): packets delivered; mean over
             slots and highest of the age; energy harvested, spent on uplinks, and left in the end.
+            Where stores have limits also by those of `STORE_COLUMNS`: energy that stores had no
+            room for, that they have lost, and that nodes have drawn while idle; slots asleep.
         auvs: by the names of `AUV_COLUMNS`, (episodes, auvs): the way; slots that began with a
             move; packets that it has received; energy that nodes have harvested from it.
     """
@@ -59,6 +68,11 @@ class Breakdown:
     slot_s: float
     nodes: dict[str, npt.NDArray[np.float64]]
     auvs: dict[str, npt.NDArray[np.float64]]
+
+    @property
+    def node_columns(self) -> tuple[Column, ...]:
+        """The columns that its nodes have."""
+        return tuple(c for c in (*NODE_COLUMNS, *STORE_COLUMNS) if c.name in self.nodes)
 
 
 class Tally:
@@ -95,6 +109,7 @@ class Tally:
     def result(self, state: State) -> Breakdown:
         """The figures of whole episodes; `state` is the last."""
         slot_s = self._world.link.slot_s
+        stores = STORE_COLUMNS if self._world.storage.is_limited else ()
         mean_age = self._age_sum / self._world.num_slots
         return Breakdown(
             slot_s=slot_s,
@@ -107,6 +122,7 @@ class Tally:
                 "harvested_j": self._harvested_j,
                 "spent_j": self._spent_j,
                 "left_j": np.array(state.energy_j),
+                **{column.name: np.array(getattr(state, column.name)) for column in stores},
             },
             auvs={
                 "distance_m": self._distance_m,

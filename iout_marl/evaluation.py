@@ -29,7 +29,8 @@ from iout_marl.world.actions import ActionCheck
 #: More would say no more, and not fit into memory.
 MAX_EPISODES = 1_000_000
 
-#: The built-in metrics in the order of reports; those of users follow. See `iout_marl.metrics`.
+#: The built-in metrics of every world in the order of reports; those of stores with limits and
+#: those of users follow. See `iout_marl.metrics`.
 METRICS = tuple(metric.name for metric in BUILTIN)
 
 

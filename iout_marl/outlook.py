@@ -26,6 +26,9 @@ def energy_outlook(scenario: Scenario) -> str | None:
     two where the least β harvests more than enough, the harvest of one slot must pay for an
     uplink in all of them. AUVs that disturb one another make uplinks dearer than they are here.
 
+    Of stores with limits that is never said: what is harvested may not be kept. Where they hold
+    less than the cheapest uplink takes, or lose in a slot what is harvested in it, they say so.
+
     It never suffices where an uplink takes more than a node could harvest in a whole episode.
 
     Args:
@@ -47,7 +50,8 @@ def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> 
     slots = scenario.num_slots
     bounds = f"a slot harvests {_joules(poorest)} to {_joules(richest)}"
     energies = SlotEnergies(link, offsets, poorest, dearest, slots)
-    if scenario.duplex.part.energy_never_binds(energies):
+    storage = scenario.storage.part
+    if not storage.is_limited and scenario.duplex.part.energy_never_binds(energies):
         disturbed = scenario.num_auvs > 1 and scenario.channel.part.access.uplinks_disturb
         when = "bind only where uplinks disturb one another" if disturbed else "never bind"
         uplink = f"the dearest uplink takes {_joules(dearest)}" + " alone" * disturbed
@@ -57,29 +61,46 @@ def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> 
     has_range = not scenario.uplink.part.fills_its_time
     if has_range and uplink_j.min() >= DEAREST_J:
         return "no node can ever be heard: from every cell of the grid each is out of range"
-    # All AUVs may charge one node through the whole episode.
+    if storage.capacity_j is not None and storage.capacity_j <= uplink_j.min():
+        return (
+            f"nothing can ever be delivered: a store holds {_joules(storage.capacity_j)}, and the "
+            f"cheapest uplink takes {_joules(uplink_j.min())}"
+        )
+    # All AUVs may charge one node.
+    together, drain_j = richest * scenario.num_auvs, storage.drain_w * link.slot_s
+    if 0 < drain_j >= together:
+        what, cheapest = "no node can save energy from slot to slot", ""
+        if storage.most_j(together) <= uplink_j.min():
+            what = "nothing can ever be delivered"
+            cheapest = f", and the cheapest uplink takes {_joules(uplink_j.min())}"
+        return (
+            f"{what}: leakage and idle draw take {_joules(drain_j)} in a slot, which harvests at "
+            f"most {_joules(together)}{cheapest}"
+        )
+    # They may do so through the whole episode.
     charges = slots * scenario.num_auvs
-    if richest * charges <= uplink_j.min():
+    most_j = storage.most_j(richest * charges)
+    most = f"all {slots:,} slots of an episode bring"
+    if most_j == storage.capacity_j:
+        most = f"a store holds, {_joules(most_j)}"
+    if most_j <= uplink_j.min():
         return (
             f"nothing can ever be delivered: {bounds}, and the cheapest uplink takes "
-            f"{_joules(uplink_j.min())}, more than all {slots:,} slots of an episode bring"
+            f"{_joules(uplink_j.min())}, more than {most}"
         )
     away = link.way_m[offsets] > 0
     if not away.any():
         return None
     nearest_m = float(link.distance_m[offsets][away].min())
-    if richest * charges <= uplink_j[away].min():
-        takes = (
-            f"an uplink takes {_joules(uplink_j[away].min())}, more than all {slots:,} slots of an "
-            "episode bring"
-        )
+    if most_j <= uplink_j[away].min():
+        takes = f"an uplink takes {_joules(uplink_j[away].min())}, more than {most}"
         if has_range and uplink_j[away].min() >= DEAREST_J:
             takes = "it is out of range"
         return (
             f"a node can be heard from its own cell alone: from the next one {takes} "
             f"({_loss(link, nearest_m, link.budget.uplink_frequency_khz)})"
         )
-    if harvest_j[away].max() * charges <= uplink_j.min():
+    if storage.most_j(harvest_j[away].max() * charges) <= uplink_j.min():
         return (
             f"a node can be charged from its own cell alone: from the next one a slot brings "
             f"{_joules(harvest_j[away].max())}, and the cheapest uplink takes "

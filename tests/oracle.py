@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from oracle_stores import Stores
 from oracle_team import Notebook
 
 if TYPE_CHECKING:
@@ -262,7 +263,8 @@ class Oracle:
             self.own_cell_m = mean_within(*edges(scenario))
         self.slot = 0
         self.age = [scenario.age.initial for _ in self.nodes]
-        self.energy_j = [0.0 for _ in self.nodes]
+        self.stores = Stores(self)
+        self.energy_j = [self.stores.initial_j for _ in self.nodes]
         self.deliveries = [0 for _ in self.nodes]
         self.harvested_j = self.spent_j = 0.0
         self.age_sum = 0.0  # over the slots, of the mean over the nodes
@@ -311,10 +313,12 @@ class Oracle:
             for auv, event in enumerate(self.events):
                 event.beta = self.splitting(auv, event.charged)
         self.charge()
+        self.stores.fill()
         able = self.able()
         for auv, event in enumerate(self.events):
             event.some_node_able = any(able[auv])
         self.uplink(able)
+        self.stores.rest()
         self.grow_older()
         self.slot += 1
         for notebook in self.notebooks:
@@ -415,7 +419,7 @@ class Oracle:
             takers = []
             for auv, event in enumerate(self.events):
                 sends = able[auv][node] if fdd else event.beta < 1
-                if event.heard == node and sends:
+                if event.heard == node and sends and self.stores.can_send(auv, node):
                     takers.append((self.distance_m(auv, node), self.auv_cells[auv], auv))
             if takers:
                 for *_, auv in takers:
@@ -562,6 +566,7 @@ class Oracle:
             "uplink_success": sum(self.deliveries) / (self.slot * len(self.auvs)),
             "age_violations": self.capped_ages,
             "jain_violation": float(jain < self.scenario.fairness.minimum_jain),
+            **self.stores.metrics(),
         }
 
     def observe(self) -> list[list[float]]:

@@ -154,6 +154,42 @@ def test_where_energy_never_binds_whoever_is_charged_and_heard_delivers(
     assert np.all(delivered) == never_binds
 
 
+STORES = {
+    "nothing can ever be delivered: a store holds 20 J, and the cheapest uplink takes 23.1 J": {
+        "capacity_j": 20.0
+    },
+    "no node can save energy from slot to slot: leakage and idle draw take 1e+03 J in a slot, "
+    "which harvests at most 842 J": {"capacity_j": 900.0, "leakage_w": 15.0, "idle_w": 25.0},
+}
+
+
+@pytest.mark.parametrize("line", STORES)
+def test_stores_that_hold_or_keep_too_little(line):
+    assert outlook(storage={"kind": "capacitor", **STORES[line]}) == line
+
+
+def test_stores_that_lose_all_that_a_weak_source_brings():
+    line = outlook(
+        storage={"kind": "capacitor", "capacity_j": 900.0, "idle_w": 1.0}, **{"charging.power_w": 5}
+    )
+    assert line == (
+        "nothing can ever be delivered: leakage and idle draw take 25 J in a slot, which harvests "
+        "at most 2.1 J, and the cheapest uplink takes 23.1 J"
+    )
+
+
+def test_what_a_store_holds_may_be_too_little_for_the_next_cell():
+    line = outlook(storage={"kind": "capacitor", "capacity_j": 40.0})
+    assert line.startswith("a node can be heard from its own cell alone: from the next one ")
+    assert "more than a store holds, 40 J (over 100 m " in line
+
+
+def test_of_stores_with_limits_it_is_never_said_that_energy_does_not_bind():
+    ample = {"charging.power_w": 1e6}
+    assert outlook(**ample).startswith("energy can never bind")
+    assert outlook(storage={"kind": "capacitor", "capacity_j": 500.0}, **ample) is None
+
+
 @pytest.mark.parametrize("own", ["zero", "mean"])
 def test_the_next_cell_is_the_nearest_one_of_cells_that_are_no_cubes(own):
     key = "duplex.uplink_frequency_khz"

@@ -299,7 +299,14 @@ class Collector:
 
         Of metrics that were not summed when it was made, the sums begin at 0.
         """
-        states = [one["state"] | {"sums": self._sums_of(one)} for one in saved]
+        # Of an earlier version, whose stores had no limits, there are no columns of what they lose.
+        later = ("spilled_j", "leaked_j", "idle_j", "asleep_slots")
+        states = [
+            dict.fromkeys(later, one["state"]["age"][:, :0])
+            | one["state"]
+            | {"sums": self._sums_of(one)}
+            for one in saved
+        ]
         joined = State(*(torch.cat([s[name][self._own] for s in states]) for name in State._fields))
         if self.world.backend.xp is np:
             state = joined.map(lambda tensor: tensor.numpy())

@@ -196,6 +196,11 @@ def _validity(scenario: Scenario) -> str:
             "the scheduling bound holds; for one by energy and travel the duplex part "
             f"{scenario.duplex.kind!r} would have to state what a slot does to stored energy"
         )
+    if adds := scenario.storage.part.what_it_adds(scenario):
+        return (
+            "the scheduling bound holds; one by energy and travel would hold for empty stores "
+            f"without limits, and for those that only remove possibilities: {adds}"
+        )
     return "both bounds hold for every policy"
 
 
@@ -207,7 +212,7 @@ def _stated_by(scenario: Scenario) -> str:
     """
     relied_on: list[Settings] = [scenario.channel.part.access.settings]
     if is_covered(scenario):
-        relied_on += [scenario.duplex, scenario.auvs.motion, scenario.nodes]
+        relied_on += [scenario.duplex, scenario.storage, scenario.auvs.motion, scenario.nodes]
     outside = {entry: None for settings in relied_on for entry in outside_parts(settings)}
     parts = [f"part {entry.kind!r} ({entry.role})" for entry in outside]
     return f"as stated by {listed(parts)}" if parts else ""

@@ -43,11 +43,14 @@ class Game(NamedTuple):
 def is_covered(scenario: Scenario) -> bool:
     """Whether the bounds by energy and travel hold.
 
-    They are for one AUV, for nodes that stay where they are, and for a duplex part that states
-    what a slot does to levels of energy.
+    They are for one AUV, for nodes that stay where they are, for a duplex part that states
+    what a slot does to levels of energy, and for stores with which nodes can do nothing that they
+    could not do with empty ones without limits.
     """
     is_fixed = scenario.nodes.part.redraws == "never"
-    return bool(scenario.num_auvs == 1 and is_fixed and scenario.duplex.part.has_tables)
+    only_removes = scenario.storage.part.can_only_remove(scenario)
+    has_tables = scenario.duplex.part.has_tables
+    return bool(scenario.num_auvs == 1 and is_fixed and has_tables and only_removes)
 
 
 def finite_game(scenario: Scenario, levels_j: tuple[float, ...]) -> Game:

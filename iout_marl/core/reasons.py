@@ -41,6 +41,10 @@ OUT_OF_RANGE = Reason("out_of_range", "out of range: no packet of the node can r
 ONLY_CHARGED = Reason(
     "only_charged", "the whole slot went to charging: not enough energy for an uplink yet"
 )
+ASLEEP = Reason("asleep", "the node sleeps: its store was empty, and it has not been charged since")
+STORE_TOO_SMALL = Reason(
+    "store_too_small", "the node's full store holds less than this uplink takes"
+)
 NOT_SENT = Reason("not_sent", "the node did not send")
 TAKEN = Reason("taken", "the node sent to another AUV, which is nearer")
 COLLISION = Reason("collision", "another uplink in the same slot collided with it")

@@ -36,6 +36,11 @@ class State(NamedTuple):
     # The network without each AUV; no nodes where rewards are those of the team.
     others_age: Array  # (envs, auvs, nodes) float, slots: age by deliveries to others alone
     others_deliveries: Array  # (envs, auvs, nodes) float, count: packets delivered to others
+    # What stores have done so far; no nodes where they have no limits.
+    spilled_j: Array  # (envs, nodes) float, J: energy harvested that the store had no room for
+    leaked_j: Array  # (envs, nodes) float, J: energy that the store has lost
+    idle_j: Array  # (envs, nodes) float, J: energy that the node has drawn beside uplinks
+    asleep_slots: Array  # (envs, nodes) float, count: slots that the node has slept through
     # What users' metrics add up; no columns where there are none.
     sums: Array  # (envs, metrics) float: each summed over the slots so far
 

@@ -33,13 +33,14 @@ class View:
         self._range_m = backend.floats(min(range_m or 0.0, FARTHEST_M))
         self._shape = (scenario.num_auvs, scenario.num_nodes if self.is_limited else 0)
         self._initial_age = float(scenario.age.initial)
+        self._initial_j = float(scenario.storage.part.initial_j)
 
     def first(self, num_envs: int) -> dict[str, Array]:
         """Fields of the first state of an episode."""
         nothing = self._backend.zeros((num_envs, *self._shape))
         return {
             "seen_age": nothing + self._initial_age,
-            "seen_energy_j": nothing,
+            "seen_energy_j": nothing + self._initial_j,
             "seen_slot": nothing,
         }
 

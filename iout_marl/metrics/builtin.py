@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from iout_marl.metrics.metric import Metric
 from iout_marl.physics.arrays import Array
+from iout_marl.scenario import Scenario
 
 if TYPE_CHECKING:
     from iout_marl.world import State, World
@@ -24,11 +25,19 @@ def _uplink_success(world: World, state: State) -> Array:
     return world.nodes.sum(state.deliveries) / (world.slots_over(state) * world.num_auvs)
 
 
+def _asleep_share(world: World, state: State) -> Array:
+    return world.nodes.sum(state.asleep_slots) / (world.slots_over(state) * world.num_nodes)
+
+
+def _has_limited_stores(scenario: Scenario) -> bool:
+    return bool(scenario.storage.part.is_limited)
+
+
 def _reward(world: World, total: Array) -> Array:
     return world.backend.xp.mean(total, axis=1)
 
 
-#: The built-in metrics, in the order of reports.
+#: The built-in metrics of every world, in the order of reports.
 BUILTIN = (
     Metric(
         "mean_aoi",
@@ -173,6 +182,62 @@ BUILTIN = (
         low=0.0,
         high=1.0,
         in_table=False,
+    ),
+)
+
+#: Of scenarios whose stores have limits; elsewhere nothing is spilled or lost, and no node sleeps.
+OF_STORES = (
+    Metric(
+        "spilled_j",
+        lambda world, state: world.nodes.sum(state.spilled_j),
+        definition="Energy that nodes have harvested, but had no room for in their stores.",
+        unit="J",
+        heading="spilled J",
+        axis_title="Energy spilled in J",
+        title="Energy spilled",
+        tag="energy/spilled_j",
+        better="less",
+        low=0.0,
+        applies=_has_limited_stores,
+    ),
+    Metric(
+        "leaked_j",
+        lambda world, state: world.nodes.sum(state.leaked_j),
+        definition="Energy that all stores have lost.",
+        unit="J",
+        heading="leaked J",
+        axis_title="Energy leaked in J",
+        title="Energy leaked",
+        tag="energy/leaked_j",
+        low=0.0,
+        applies=_has_limited_stores,
+    ),
+    Metric(
+        "idle_j",
+        lambda world, state: world.nodes.sum(state.idle_j),
+        definition="Energy that all nodes have drawn beside their uplinks.",
+        unit="J",
+        heading="idle J",
+        axis_title="Energy drawn while idle in J",
+        title="Energy drawn while idle",
+        tag="energy/idle_j",
+        low=0.0,
+        applies=_has_limited_stores,
+    ),
+    Metric(
+        "asleep_share",
+        _asleep_share,
+        definition="Share of the nodes' slots that they have slept through, for want of energy.",
+        unit="",
+        heading="asleep",
+        axis_title="Share of node-slots asleep",
+        title="Nodes asleep",
+        tag="energy/asleep_share",
+        digits=3,
+        better="less",
+        low=0.0,
+        high=1.0,
+        applies=_has_limited_stores,
     ),
 )
 

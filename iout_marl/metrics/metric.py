@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from iout_marl.errors import InputError
 from iout_marl.physics.arrays import Array, cast
+from iout_marl.scenario import Scenario
 from iout_marl.whole import short
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ class Metric:
         in_table: whether the command line's tables have a row for it.
         has_curve: whether studies keep the curve of a training.
         is_builtin: whether it is of this software.
+        applies: whether worlds of a scenario have it.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Metric:
     in_table: bool = True
     has_curve: bool = False
     is_builtin: bool = True
+    applies: Callable[[Scenario], bool] = lambda _: True
 
     def values(self, world: World, state: State, *events: Any) -> Array:
         """The (envs,) values of a state, or of a slot, in the state's floating type.

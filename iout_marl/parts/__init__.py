@@ -32,6 +32,7 @@ from iout_marl.parts.observation import Representation, representations
 from iout_marl.parts.optimizer import Optimizer, optimizers
 from iout_marl.parts.placement import Placement, placements
 from iout_marl.parts.reward import Reward, rewards
+from iout_marl.parts.storage import Rest, Storage, storages
 from iout_marl.parts.uplink import Uplink, uplinks
 from iout_marl.scenario.fields import (
     Count,
@@ -69,8 +70,10 @@ __all__ = [
     "Reason",
     "Representation",
     "Request",
+    "Rest",
     "Reward",
     "Settings",
+    "Storage",
     "Uplink",
     "Uplinks",
     "absorptions",
@@ -88,6 +91,7 @@ __all__ = [
     "placements",
     "representations",
     "rewards",
+    "storages",
     "uplinks",
 ]
 

@@ -37,6 +37,10 @@ def links(world: World, cell: Integers, state: State) -> Links:
     required_j = link.at(link.slot_uplink_j, offset)
     missing_j = np.maximum(required_j - state.energy_j[:, None, :], 0)
     missing_slots = np.minimum(missing_j / np.maximum(harvested_j, _LEAST_J), _NEVER_SLOTS)
+    if world.storage.is_limited:
+        # More than a store holds it never has, however long it is charged.
+        too_dear = np.asarray(world.storage.filled(required_j)) < required_j
+        missing_slots = np.where(too_dear, float(world.num_slots), missing_slots)
     return Links(offset, harvested_j, required_j, missing_slots)
 
 
@@ -74,7 +78,7 @@ def _choose_two(world: World, state: State, here: Links) -> tuple[Integers, Inte
     """FDD: the node to charge and the node to hear, (envs, auvs) each."""
     envs, auvs, _ = here.offset.shape
     near_j, stored_j = near_uplink_j(world), state.energy_j[:, None, :]
-    can_pay = stored_j + here.harvested_j > here.required_j
+    can_pay = world.storage.filled(stored_j + here.harvested_j) > here.required_j
     # Ages are whole: the second term but decides between equals, for the cheaper uplink.
     cheap = 1 / (2 + here.required_j / near_j)
     worth = np.where(can_pay, state.age[:, None, :] + cheap, -np.inf)
@@ -96,7 +100,8 @@ def _choose_two(world: World, state: State, here: Links) -> tuple[Integers, Inte
     every = np.arange(envs)
     for charger in range(auvs):
         harvested_j = here.harvested_j[:, charger]
-        growth = harvested_j / (np.maximum(energy_j, 0) + near_j)
+        accepted_j = world.storage.accepted_j(energy_j, harvested_j)
+        growth = accepted_j / (np.maximum(energy_j, 0) + near_j)
         decided = charged[:, charger] >= 0
         chosen = np.where(decided, charged[:, charger], growth.argmax(-1))
         energy_j[every, chosen] += np.where(decided, 0, harvested_j[every, chosen])
@@ -109,7 +114,14 @@ def _choose_one(
 ) -> Integers:
     """TDD: the node to charge and hear, (urgency_exponents, envs, auvs)."""
     stored_j = np.broadcast_to(state.energy_j[:, None, :], here.offset.shape)
-    beta = np.asarray(world.duplex.split(here.offset, here.offset, stored_j).beta)
+    split = world.duplex.split(here.offset, here.offset, stored_j)
+    beta = np.asarray(split.beta)
+    if world.storage.is_limited:
+        harvested_j = world.link.at(world.link.harvested_w, here.offset) * split.charging_s
+        come_j = stored_j + harvested_j
+        available_j = world.storage.filled(come_j)
+        sends = world.storage.permits(beta < 1, split.required_j, come_j, available_j)
+        beta = np.where(sends, beta, 1.0)
     slots = 1 + np.where(beta < 1, 0, here.missing_slots)
     if world.num_auvs > 1 and world.access.charging_disturbs:
         too_weak = (beta == 0) & (stored_j < here.required_j * _noise(world, cell)[..., None])

@@ -83,6 +83,6 @@ def rows(state: State, index: Integers) -> State:
 
 
 def with_nodes(state: State, order: Integers) -> State:
-    """The state with the nodes in another order."""
+    """The state with the nodes in another order, but for what stores have lost."""
     names = ("node_cell", "age", "energy_j", "deliveries")
     return state._replace(**{name: getattr(state, name)[:, order] for name in names})

@@ -32,9 +32,9 @@ def as_picture(
     """The environment as pixels, (600, 960, 3).
 
     To the left the map from above: the colour of a node is its age, the ring around it
-    closes when the energy stored pays an uplink over half the grid; AUVs carry their
-    depth, and lines show what they charged and heard in the last slot. To the right the
-    same from the side, z downwards, and the age and the energy of every node.
+    closes when the energy stored pays an uplink over half the grid, or fills the store; AUVs
+    carry their depth, and lines show what they charged and heard in the last slot. To the right
+    the same from the side, z downwards, and the age and the energy of every node.
 
     Args:
         snapshot: what is shown.
@@ -56,6 +56,7 @@ def as_picture(
                 age_top=max(s.maximum_age, 2.0),
                 energy_top_j=axis_top(np.append(s.energies_j, energies_to_j), s.energy_yardstick_j),
                 yardstick_j=s.energy_yardstick_j,
+                yardstick_text=s.yardstick_text,
             ),
         )
 
@@ -81,6 +82,7 @@ class _Frame:
     age_top: float
     energy_top_j: float
     yardstick_j: float
+    yardstick_text: str
 
     def energy_unit(self) -> tuple[float, str]:
         """The unit of the axis of energies, so that most are above 1 of it."""
@@ -151,7 +153,7 @@ def _background(frame: _Frame) -> npt.NDArray[np.uint8]:
     unit_j, unit = frame.energy_unit()
     note = ""
     if frame.yardstick_j <= frame.energy_top_j:
-        note = f"- - -  {energy_text(frame.yardstick_j)}, an uplink over half the grid"
+        note = f"- - -  {energy_text(frame.yardstick_j)}, {frame.yardstick_text}"
         dashes: dict[str, Any] = {"linewidths": 0.9, "linestyles": [(0, (3, 2))], "zorder": 1.5}
         energies.panel.draw_across([frame.yardstick_j / unit_j], colors=style.INK, **dashes)
     energies.panel.title(f"Stored energy, {unit}", note)

@@ -47,6 +47,7 @@ class Snapshot:
     delivered: Flags | None  # (auvs,) whether the packet arrived
     beta: Floats | None  # (auvs,) TDD's share of the last slot for charging; 0 in FDD
     edges_m: tuple[float, float, float] = (1.0, 1.0, 1.0)  # m: edges of a cell along x, y and z
+    capacity_j: float | None = None  # J: the most that a node stores; None for no limit
 
     @classmethod
     def from_world(
@@ -65,6 +66,7 @@ class Snapshot:
             title=world.scenario.name,
             grid_shape=world.grid.shape,
             edges_m=world.grid.edges_m,
+            capacity_j=world.storage.capacity_j,
             slot=int(state.slot[env]),
             num_slots=world.num_slots,
             auv_positions=coordinates[state.cell[env]],
@@ -108,10 +110,21 @@ class Snapshot:
 
     @property
     def energy_yardstick_j(self) -> float:
-        """What a full gauge of energy stands for, in J: the reference wherever it is a number."""
+        """What a full gauge of energy stands for, in J.
+
+        The capacity of a store, where there is one, else the reference wherever it is a number.
+        """
+        if self.capacity_j is not None:
+            return self.capacity_j
         if math.isfinite(self.reference_energy_j) and self.reference_energy_j > 1 / LARGEST:
             return self.reference_energy_j
         return max(float(self.energies_j.max()), 1.0)
+
+    @property
+    def yardstick_text(self) -> str:
+        """The same in words."""
+        is_limited = self.capacity_j is not None
+        return "the capacity of a store" if is_limited else "an uplink over half the grid"
 
     def charging(self) -> list[tuple[int, int]]:
         """Who charged whom in the last slot: pairs of an AUV and a node."""

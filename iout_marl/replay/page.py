@@ -146,11 +146,12 @@ def _legend(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
     """What each kind of mark stands for."""
     oldest = listed(list(dict.fromkeys(f"{r.maximum_age:g}" for r in recordings)))
     gauges = set(map(_gauge, recordings))
+    of_what = " or ".join(dict.fromkeys(r.snapshot(0).yardstick_text for r in recordings))
     # Several stand with the facts of each episode.
-    gauge = f"{gauges.pop()}, an uplink" if len(gauges) == 1 else "an uplink"
+    gauge = f"{gauges.pop()}, {of_what}" if len(gauges) == 1 else of_what
     return [
         ("age", f"age of a node, 1 to {oldest} slots"),
-        ("energy", f"energy stored; full at {gauge} over half the grid"),
+        ("energy", f"energy stored; full at {gauge}"),
         ("charge", "charging"),
         ("data", "packet arrived"),
         ("fail", "no packet"),

@@ -95,6 +95,13 @@ class Reader:
             raise self.fault(name, f"must be a number {limit}, not {short(value)}")
         return float(value)
 
+    def capacity(self) -> float | None:
+        """The most that a node stores; None where stores have no limit, and nothing is written."""
+        value = self._data.get("capacity_j")
+        if value is not None and not (is_number(value, 0.0, _LARGEST) and value > 0):
+            raise self.fault("capacity_j", f"must be a number above 0, not {short(value)}")
+        return None if value is None else float(value)
+
     def spacing(self) -> Spacing:
         """The edge of a cell, or three."""
         value = self._data["spacing_m"]

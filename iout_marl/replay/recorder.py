@@ -110,6 +110,7 @@ class Recorder:
             num_slots=world.num_slots,
             maximum_age=float(scenario.age.maximum),
             reference_energy_j=float(world.representation.reference_energy_j),
+            capacity_j=world.storage.capacity_j,
             duplex=world.duplex.label,
             splits_slot=world.duplex.splits_slot,
             reasons=tuple(self._reasons),

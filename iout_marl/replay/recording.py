@@ -35,6 +35,7 @@ class Recording:
         num_slots: slots of a whole episode.
         maximum_age: A_max in slots.
         reference_energy_j: energy of an uplink over half the grid in J.
+        capacity_j: the most that a node stores in J; None for no limit.
         duplex, splits_slot: what the duplex part is called; whether β divides slots.
         reasons: why uplinks have failed; `outcome` counts them from 1.
         nodes: (nodes, 3) cells.
@@ -79,6 +80,7 @@ class Recording:
     rewards: Floats
     ages: Floats
     energy_j: Floats
+    capacity_j: float | None = None
 
     @property
     def slots(self) -> int:
@@ -127,6 +129,7 @@ class Recording:
             title=self.scenario,
             grid_shape=self.grid,
             edges_m=edges_m(self.spacing_m),
+            capacity_j=self.capacity_j,
             slot=place,
             num_slots=self.num_slots,
             auv_positions=self.path[place],
@@ -168,6 +171,7 @@ class Recording:
             "grid": list(self.grid),
             "splits_slot": self.splits_slot,
             "reasons": [[reason.code, reason.text] for reason in self.reasons],
+            **({} if self.capacity_j is None else {"capacity_j": self.capacity_j}),
             **arrays,
         }
 
@@ -207,6 +211,10 @@ class Recording:
         if sizes["slots"] > found["num_slots"]:
             raise read.fault("charged", f"must have at most {found['num_slots']} slots")
         return cls(
-            seed=read.seed(), grid=grid, splits_slot=read.flag("splits_slot"), reasons=reasons,
+            seed=read.seed(),
+            grid=grid,
+            splits_slot=read.flag("splits_slot"),
+            reasons=reasons,
+            capacity_j=read.capacity(),
             **found,
-        )  # fmt: skip
+        )

@@ -40,17 +40,21 @@ class Unknown:
     other_kinds: tuple[str, ...]
 
 
-def unknown_keys(models: tuple[Model, ...], data: Any, path: KeyPath = ()) -> Iterator[Unknown]:
+def unknown_keys(
+    models: tuple[Model, ...], data: Any, path: KeyPath = (), default: str = ""
+) -> Iterator[Unknown]:
     """The keys in a file's data that its sections do not have, in the order of the file.
 
     Args:
         models: the section, or those of every kind of the part.
         data: what stands there, of any shape.
         path: where.
+        default: the kind of a part that names none; empty where one must be named.
     """
     if not isinstance(data, Mapping):
         return
-    model = _of_kind(models, data)
+    named = data.get("kind", default)
+    model = _of_kind(models, named)
     if model is None:
         return  # a kind that there is not is an error of its own
     for key, value in data.items():
@@ -59,7 +63,7 @@ def unknown_keys(models: tuple[Model, ...], data: Any, path: KeyPath = ()) -> It
         else:
             having = (m for m in models if key in m.model_fields and m is not model)
             kinds = tuple(kind for other in having for kind in _kinds(other))
-            kind = str(data["kind"]) if len(models) > 1 else ""
+            kind = str(named) if len(models) > 1 else ""
             yield Unknown((*path, key), model, kind, kinds)
 
 
@@ -68,7 +72,8 @@ def _in_field(field: FieldInfo, value: Any, path: KeyPath) -> Iterator[Unknown]:
     if part:
         value = part.completed(value)
     if sections:
-        yield from unknown_keys(sections, value, path)
+        part = part_of(field)
+        yield from unknown_keys(sections, value, path, part.default if part else "")
         return
     origin, arguments = get_origin(field.annotation), get_args(field.annotation)
     if origin is dict and isinstance(value, Mapping) and _sections(arguments[1]):
@@ -76,10 +81,9 @@ def _in_field(field: FieldInfo, value: Any, path: KeyPath) -> Iterator[Unknown]:
             yield from unknown_keys(_sections(arguments[1]), item, (*path, key))
 
 
-def _of_kind(models: tuple[Model, ...], data: Mapping[Any, Any]) -> Model | None:
+def _of_kind(models: tuple[Model, ...], kind: Any) -> Model | None:
     if len(models) == 1:
         return models[0]
-    kind = data.get("kind")
     return next((model for model in models if kind in _kinds(model)), None)
 
 

@@ -56,6 +56,10 @@ class Scenario(Section):
     charging: Charging
     #: What a node stores of the sound that reaches it.
     harvester: Annotated[Settings, PartOf("harvester", default="hydrophone")]
+    #: What the nodes' energy stores hold, and what they lose.
+    storage: Annotated[Settings, PartOf("storage", is_word=True, default="unlimited")] = Field(
+        "unlimited", validate_default=True
+    )
     #: The packets of the nodes, and the band they are sent in.
     uplink: Annotated[Settings, PartOf("uplink", default="shannon")]
     #: How charging and uplink share the slot.
@@ -70,6 +74,7 @@ class Scenario(Section):
     )
     training: Training
 
+    hash_defaults: ClassVar[dict[str, Any]] = {"storage": "unlimited"}
     not_hashed: ClassVar[frozenset[str]] = frozenset({"name", "description"})
 
     @field_validator("allow_implausible")
@@ -99,6 +104,7 @@ class Scenario(Section):
             self.channel,
             self.harvester,
             self.uplink,
+            self.storage,
             self.duplex,
             self.reward,
             *entries,

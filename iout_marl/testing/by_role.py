@@ -168,6 +168,26 @@ def _follow(field: FiniteGame, levels: Any, cell: int, events: Any) -> None:
             levels[heard] = deliver[heard, cell, levels[heard]]
 
 
+@unheard
+def check_storage(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
+    """Energy is conserved, node by node; a store without limits leaves it as it is; reasons."""
+    world = World(scenario, len(seeds))
+    state = first_state(world, seeds)
+    start_j, env = state.energy_j, np.arange(len(seeds))[:, None]
+    gained_j = np.zeros_like(start_j)
+    for slot, action in enumerate(actions_for(world, seeds[0])):
+        state, events = world.step(state, action)
+        np.add.at(gained_j, (env, events.charged), events.harvested_j)
+        np.add.at(gained_j, (env, events.heard), -events.spent_j)
+        lost_j = state.spilled_j + state.leaked_j + state.idle_j if part.is_limited else 0.0
+        gap_j = np.abs(start_j + gained_j - lost_j - state.energy_j)
+        assert (gap_j <= 1e-9 * (1 + np.abs(gained_j) + lost_j)).all(), (
+            f"slot {slot} by seeds {seeds}: energy is not conserved, by {gap_j.max():.3g} J"
+        )
+    check_tables(part, scenario, seeds)
+    check_reasons(part, scenario, seeds)
+
+
 CHECKS: Mapping[str, Callable[[Any, Scenario, Sequence[int]], None]] = {
     "absorption": check_absorption,
     "access": check_reasons,
@@ -177,5 +197,6 @@ CHECKS: Mapping[str, Callable[[Any, Scenario, Sequence[int]], None]] = {
     "harvester": check_harvester,
     "observation entry": check_entry,
     "placement": check_placement,
+    "storage": check_storage,
     "uplink": check_uplink,
 }

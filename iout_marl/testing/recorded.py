@@ -24,6 +24,7 @@ OF_AUVS = {
 OF_NODES = {
     *("node_cell", "age", "energy_j", "deliveries", "seen_age", "seen_energy_j", "seen_slot"),
     *("others_age", "others_deliveries", "available_j", "entry of nodes"),
+    *("spilled_j", "leaked_j", "idle_j", "asleep_slots"),
 }
 CHOSEN_NODES = {"charged", "heard"}
 

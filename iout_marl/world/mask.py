@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from iout_marl.arrays.backend import Backend
-from iout_marl.core.link import Link
 from iout_marl.core.state import State
-from iout_marl.core.view import View
+from iout_marl.parts import Context, Storage
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
 from iout_marl.world.motion import Mover
@@ -25,10 +23,12 @@ class ActionMask:
     """
 
     def __init__(
-        self, scenario: Scenario, link: Link, motion: Mover, view: View, backend: Backend
+        self, scenario: Scenario, context: Context, motion: Mover, storage: Storage
     ) -> None:
-        self._view = view
+        backend, link = context.backend, context.link
+        self._view = context.view
         self._link = link
+        self._storage = storage
         self._motion = motion
         self._xp = backend.xp
         self._num_nodes = scenario.num_nodes
@@ -65,4 +65,5 @@ class ActionMask:
         else:
             others_j = self._others_at_best_j
         best_j = (state.energy_j[:, None, :] + others_j)[:, :, None, :] + charged_j
+        best_j = self._storage.filled(best_j)
         return self._xp.any(best_j > link.at(link.slot_uplink_j, offset), axis=2)

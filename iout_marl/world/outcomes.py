@@ -23,8 +23,8 @@ Outcomes = list[list[Reason | None]]
 def outcomes(world: World, before: State, events: Events, after: State) -> Outcomes:
     """What came of every uplink of a slot.
 
-    A slot itself computes no reasons. They follow from what it has left behind: the duplex part
-    says why a node has not sent, the access part why what was sent was lost.
+    A slot itself computes no reasons. They follow from what it has left behind: the storage and
+    the duplex part say why a node has not sent, the access part why what was sent was lost.
 
     Args:
         world: the world, on NumPy.
@@ -38,7 +38,9 @@ def outcomes(world: World, before: State, events: Events, after: State) -> Outco
     stored_j = world.nodes.gather(before.energy_j, named.heard_index)
     available_j = world.nodes.gather(events.available_j, named.heard_index)
     split = world.duplex.split(named.charged_offset, named.heard_offset, stored_j)
-    sends = world.duplex.sends(split, available_j)
+    come_j = world.nodes.scatter_add(before.energy_j, named.charged_index, events.harvested_j)
+    wanted = world.duplex.sends(split, available_j)
+    sends = world.sends(split, named.heard_index, come_j, available_j)
     request = Request(
         after.cell, events.heard, named.heard_cell, sends, available_j, named.heard_offset
     )
@@ -47,6 +49,7 @@ def outcomes(world: World, before: State, events: Events, after: State) -> Outco
     has_reason = np.zeros_like(lost)
     silent, unheard = ~np.asarray(sends), np.asarray(sends)
     for part, among, reasons in (
+        (world.storage, silent, world.storage.why_silent(wanted, available_j, sends)),
         (world.duplex, silent, world.duplex.why_silent(split, available_j)),
         (world.access, unheard, world.access.why_lost(request, split)),
     ):

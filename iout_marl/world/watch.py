@@ -14,7 +14,7 @@ import numpy as np
 
 from iout_marl.core.limits import unheard
 from iout_marl.core.split import Split
-from iout_marl.parts import Request
+from iout_marl.parts import Request, Rest
 from iout_marl.physics.arrays import Array
 from iout_marl.registry import on_change
 from iout_marl.scenario import Scenario
@@ -253,6 +253,38 @@ def _look_at_split(watch: _Watch, _: Any) -> None:
         duplex.sends = watch.over(duplex.sends, look_at_flags)
 
 
+def _look_at_storage(watch: _Watch, _: Any) -> None:
+    world = watch.world
+    storage, room = world.storage, 1 + watch.rounding
+    per_node = {"(envs, nodes)": (world.num_envs, world.num_nodes)}
+
+    def look_at_filled(held_j: Any, energy_j: Array) -> None:
+        watch.array("filled", held_j, {"that of its argument": tuple(energy_j.shape)})
+        watch.need((held_j >= 0) & (held_j <= energy_j * room), "filled must not add energy")
+        if storage.capacity_j is not None:
+            watch.need(held_j <= storage.capacity_j * room, "filled must not exceed capacity_j")
+
+    def look_at_rest(rest: Any, energy_j: Array) -> None:
+        if not isinstance(rest, Rest):
+            raise watch.settings.entry.fault(f"rest must return a Rest, not {short(rest)}")
+        for name, values in rest._asdict().items():
+            watch.array(name, values, per_node)
+            watch.need(values >= 0, f"{name} of rest must not be negative")
+        gap_j = sum(rest) - energy_j
+        watch.need(
+            (gap_j <= energy_j * watch.rounding) & (gap_j >= -energy_j * watch.rounding),
+            "energies of rest must add up to what there was",
+        )
+
+    def look_at_flags(sleeps: Any, available_j: Array) -> None:
+        shapes = {"that of its argument": tuple(available_j.shape)}
+        watch.array("sleeps", sleeps, shapes, is_flags=True)
+
+    storage.filled = watch.over(storage.filled, look_at_filled)
+    storage.rest = watch.over(storage.rest, look_at_rest)
+    storage.sleeps = watch.over(storage.sleeps, look_at_flags)
+
+
 def _look_at_entry(watch: _Watch, path: tuple[str | int, ...]) -> None:
     world = watch.world
     entries = list(world.observer.entries)
@@ -276,6 +308,7 @@ _LOOKS: dict[str, Callable[[_Watch, Any], None]] = {
     "access": _look_at_access,
     "duplex": _look_at_split,
     "beta rule": _look_at_split,
+    "storage": _look_at_storage,
     "observation entry": _look_at_entry,
 }
 

@@ -16,6 +16,7 @@ from iout_marl.core.credit import Credit
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import MOST_ENVS, check_scenario
 from iout_marl.core.link import Link
+from iout_marl.core.split import Split
 from iout_marl.core.state import Events, State
 from iout_marl.core.view import View
 from iout_marl.errors import InputError
@@ -27,6 +28,7 @@ from iout_marl.parts import (
     Representation,
     Request,
     Reward,
+    Storage,
     at_work,
 )
 from iout_marl.physics.arrays import Array, cast
@@ -63,7 +65,8 @@ class World:
         dtype: floating type, `float64` or `float32`.
         device: device of the library, or None for its default.
         overrides: changes of the scenario, as for `load_scenario`.
-        measured: what episodes are judged by; None for all metrics that are registered now.
+        measured: what episodes are judged by, of what applies to the scenario; None for all
+            metrics that are registered now.
 
     Attributes:
         measured: the metrics that `metrics` computes, and those that rewards are needed for.
@@ -99,7 +102,8 @@ class World:
         self.num_auvs = scenario.num_auvs
         self.num_nodes = scenario.num_nodes
         self.num_slots = scenario.num_slots
-        self.measured = registered() if measured is None else tuple(measured)
+        asked = registered() if measured is None else measured
+        self.measured = tuple(metric for metric in asked if metric.applies(scenario))
         self.summed = tuple(metric for metric in self.measured if metric.computed_from == "slot")
         self.backend = backend = Backend.from_library(library, dtype, device)
         self.grid = Grid.from_scenario(scenario)
@@ -124,11 +128,12 @@ class World:
         )
         with scenario.observation.entry.blamed():
             self.representation.setup(context)
+        self.storage: Storage = at_work(scenario.storage, context)
         self.duplex: Duplex = at_work(scenario.duplex, context)
         self.access: Access = at_work(scenario.channel.access, context)
         self.reward_part: Reward = at_work(scenario.reward, context)
         self.observer = Observer(scenario, context)
-        self.action_mask = ActionMask(scenario, self.link, self.motion, self.view, backend)
+        self.action_mask = ActionMask(scenario, context, self.motion, self.storage)
         self.action_sizes = (
             self.motion.num_directions,
             *(self.num_nodes,) * self.duplex.num_choices,
@@ -179,7 +184,6 @@ class World:
             cell=xp.asarray(self._start, copy=True),
             node_cell=backend.with_envs_inside(backend.integers(node_cell)),
             age=backend.zeros(nodes) + float(self.scenario.age.initial),
-            energy_j=backend.zeros(nodes),
             deliveries=backend.zeros(nodes),
             mean_age=backend.zeros(envs) + float(self.scenario.age.initial),
             jain=backend.zeros(envs),
@@ -188,6 +192,7 @@ class World:
             capped_ages=backend.zeros(envs),
             harvested_j=backend.zeros(envs),
             spent_j=backend.zeros(envs),
+            **self.storage.first(self.num_envs),
             **self.view.first(self.num_envs),
             **self.credit.first(self.num_envs),
             sums=backend.zeros((self.num_envs, len(self.summed))),
@@ -224,15 +229,17 @@ class World:
         split = self.duplex.split(charged_offset, heard_offset, stored_j)
         # Eq. `E harvested`; a node charged by two AUVs gets both.
         harvested_j = link.at(link.harvested_w, charged_offset) * split.charging_s
-        available_j = nodes.scatter_add(state.energy_j, charged_index, harvested_j)
+        come_j = nodes.scatter_add(state.energy_j, charged_index, harvested_j)
+        available_j = self.storage.filled(come_j)
 
         heard_available_j = nodes.gather(available_j, heard_index)
-        sends = self.duplex.sends(split, heard_available_j)
+        sends = self.sends(split, heard_index, come_j, heard_available_j)
         request = Request(cell, heard, heard_cell, sends, heard_available_j, heard_offset)
         delivered, spent_j = self.access(request, split)
         # At the root of the energy balance rounding may ask for more than there is.
         taken_j = xp.minimum(spent_j, heard_available_j)
-        energy_j = nodes.scatter_add(available_j, heard_index, -taken_j)
+        left_j = nodes.scatter_add(available_j, heard_index, -taken_j)
+        stores = self.storage.after(state, come_j, available_j, left_j)
 
         # A node delivers to one AUV at most.
         packets = cast(xp, delivered, state.age.dtype)
@@ -251,7 +258,6 @@ class World:
             cell=cell,
             node_cell=state.node_cell,
             age=age,
-            energy_j=energy_j,
             deliveries=deliveries,
             mean_age=mean_age,
             jain=jain_index(xp, nodes.sum(deliveries), nodes.sum(deliveries**2), nodes.num_nodes),
@@ -261,7 +267,8 @@ class World:
             harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
             spent_j=state.spent_j + _over_auvs(xp, spent_j),
             sums=state.sums,
-            **self.view.after(state, cell, age, energy_j, heard_index, delivered),
+            **stores,
+            **self.view.after(state, cell, age, stores["energy_j"], heard_index, delivered),
             **self.credit.after(state, heard_index, delivered),
         )
         events = Events(
@@ -279,6 +286,23 @@ class World:
             more = [metric.values(self, new_state, events)[:, None] for metric in self.summed]
             new_state = new_state._replace(sums=state.sums + xp.concat(more, axis=1))
         return new_state, events
+
+    def sends(
+        self, split: Split, heard_index: Array, come_j: Array, heard_available_j: Array
+    ) -> Array:
+        """Whether the nodes heard send, (envs, auvs) bool: as the duplex part says, if they can.
+
+        Args:
+            split: the slot's split.
+            heard_index: (envs, auvs) places of the nodes heard.
+            come_j: (envs, nodes) energy after charging, before a store spills any.
+            heard_available_j: (envs, auvs) energy of the nodes heard after that.
+        """
+        sends = self.duplex.sends(split, heard_available_j)
+        if not self.storage.is_limited:
+            return sends
+        heard_come_j = self.nodes.gather(come_j, heard_index)
+        return self.storage.permits(sends, split.required_j, heard_come_j, heard_available_j)
 
     def addressed(self, node_cell: Array, cell: Array, charged: Array, heard: Array) -> Addressed:
         """The nodes that AUVs name, and how they lie to them.

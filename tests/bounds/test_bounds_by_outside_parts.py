@@ -20,6 +20,7 @@ SETTINGS = {
     "beta rule": ("stored", {"duplex.beta_rule": "of_the_test"}),
     "duplex": ("tdd", {"duplex": {"kind": "of_the_test"}}),
     "placement": ("fixed", {"nodes": {"kind": "of_the_test", "cells": [[1, 1, 1], [3, 3, 1]]}}),
+    "storage": ("unlimited", {"storage": "of_the_test"}),
     "reward": ("mean_age", {"reward": {"kind": "of_the_test"}}),
     "absorption": ("thorp", {"channel.absorption": {"kind": "of_the_test"}}),
 }
@@ -29,6 +30,7 @@ REGISTRIES = {
     "beta rule": parts.beta_rules,
     "duplex": parts.duplexes,
     "placement": parts.placements,
+    "storage": parts.storages,
     "reward": parts.rewards,
     "absorption": parts.absorptions,
 }
@@ -57,7 +59,9 @@ def world(settings=(), **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("role", ["access", "motion", "beta rule", "duplex", "placement"])
+@pytest.mark.parametrize(
+    "role", ["access", "motion", "beta rule", "duplex", "placement", "storage"]
+)
 def test_one_that_is_relied_on_is_named(from_outside, role):
     found = bound(world(from_outside(role)), seconds=1)
     stated_by = f"as stated by part 'of_the_test' ({role})"

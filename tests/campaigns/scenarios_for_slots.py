@@ -56,6 +56,15 @@ def draw_settings(rng: np.random.Generator) -> tuple[str, Settings]:
     if rng.random() < 0.4:
         nodes["weights"] = rng.choice([0.0, 0.5, 1.0, 3.0], num_nodes).tolist()
     settings["nodes"] = nodes
+    if rng.random() < 0.4:
+        capacity_j = one_of(1e-3, 1.0, 60.0, 1e3, 1e6)
+        settings["storage"] = {
+            "kind": "capacitor",
+            "capacity_j": capacity_j,
+            "initial_j": capacity_j * one_of(0.0, 0.3, 1.0),
+            "leakage_w": capacity_j * one_of(0.0, 1e-4, 0.1),
+            "idle_w": capacity_j * one_of(0.0, 1e-3, 0.2),
+        }
     kind = one_of("fdd", "tdd")
     settings["duplex"] = {"kind": kind}
     if kind == "tdd":

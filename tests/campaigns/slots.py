@@ -48,12 +48,13 @@ class Laws:
         self.env = np.arange(world.num_envs)[:, None]
         self.bound = sum(reward_bounds(world.scenario).values())
         self.one_cell = world.grid.num_cells == 1
+        self.store = world.scenario.storage.model_dump()
         self.pairs = np.triu_indices(world.num_auvs, 1)
 
     def begin(self, state: Any) -> None:
         """In the first state."""
         self._placed(state)
-        law("a node holds energy at the start", state.energy_j == 0)
+        law("energies at the start", state.energy_j == self.store.get("initial_j", 0.0))
         law("an age at the start", state.age == self.scenario.age.initial)
         self._seen(state)
 
@@ -104,20 +105,34 @@ class Laws:
         else:
             law("β in FDD", events.beta == 0)
         close("what is harvested", events.harvested_j, harvest_j)
-        available_j = before.energy_j.copy()
-        np.add.at(available_j, (self.env, events.charged), events.harvested_j)
+        come_j = before.energy_j.copy()
+        np.add.at(come_j, (self.env, events.charged), events.harvested_j)
+        available_j = np.minimum(come_j, self.store.get("capacity_j", np.inf))
         close("charging adds what is harvested", available_j, events.available_j)
         spent_j = np.zeros_like(available_j)
         np.add.at(spent_j, (self.env, events.heard), events.spent_j)
         law("energies are not negative", (after.energy_j >= 0).all(-1))
         law("nothing negative is spent", events.spent_j >= 0)
-        close("an uplink takes what it spends", after.energy_j, available_j - spent_j, available_j)
-        stored_j = after.energy_j.sum(-1)
+        left_j = available_j - spent_j
+        lost_j = 0.0 * left_j
+        if self.world.storage.is_limited:
+            drain_j = (self.store["leakage_w"] + self.store["idle_w"]) * self.scenario.slot_s
+            lost_j = np.minimum(np.maximum(left_j, 0.0), drain_j)
+            losses = [s.leaked_j + s.idle_j for s in (before, after)]
+            close("what leaks and idles", losses[1], losses[0] + lost_j, losses[1] + available_j)
+            spilled_j = before.spilled_j + (come_j - available_j)
+            close("what is spilled", after.spilled_j, spilled_j, spilled_j + come_j)
+            asleep = (available_j == 0) & (self.store["idle_w"] > 0)
+            law("who sleeps", after.asleep_slots == before.asleep_slots + asleep)
+        close("an uplink takes what it spends", after.energy_j, left_j - lost_j, available_j)
+        gone_j = (after.energy_j - self.store.get("initial_j", 0.0)).sum(-1) + after.spent_j
+        for array in (after.spilled_j, after.leaked_j, after.idle_j):
+            gone_j = gone_j + array.sum(-1)
         close(
-            "harvested is spent or stored",
+            "harvested is spent, stored or lost",
             after.harvested_j,
-            after.spent_j + stored_j,
-            after.harvested_j * len(self.is_cell),
+            gone_j,
+            (after.harvested_j + self.store.get("initial_j", 0.0)) * len(self.is_cell),
         )
 
     def _uplinks(self, before: Any, after: Any, events: Any, mask: Any) -> None:

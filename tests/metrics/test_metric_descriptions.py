@@ -15,10 +15,12 @@ from iout_marl.world import node_codes
 from trainers import Trainer
 
 ROOT = Path(__file__).parents[2]
+#: Of every world, and of those whose stores have limits.
+ALL = (*metrics.BUILTIN, *metrics.OF_STORES)
 
 
 class TestDescriptions:
-    @pytest.mark.parametrize("metric", metrics.BUILTIN, ids=lambda metric: metric.name)
+    @pytest.mark.parametrize("metric", ALL, ids=lambda metric: metric.name)
     def test_is_complete(self, metric):
         assert metric.name.isidentifier()
         assert metric.definition.endswith(".")
@@ -30,8 +32,8 @@ class TestDescriptions:
         assert metrics.described(metric.name) is metric
 
     def test_names_and_tags_are_unique(self):
-        for values in zip(*((m.name, m.tag, m.heading) for m in metrics.BUILTIN), strict=True):
-            assert len(set(values)) == len(metrics.BUILTIN)
+        for values in zip(*((m.name, m.tag, m.heading) for m in ALL), strict=True):
+            assert len(set(values)) == len(ALL)
 
     def test_are_those_of_world_evaluation_and_training(self, tiny):
         world = World(tiny())
@@ -42,6 +44,14 @@ class TestDescriptions:
         assert {metric.tag for metric in metrics.BUILTIN} <= set(log)
         assert set(CURVES) <= set(log)
         assert {*metrics.DRAWN, *metrics.TABLED} <= set(METRICS)
+
+    def test_of_stores_are_those_of_worlds_where_they_have_limits(self, tiny):
+        limited = tiny({"storage": {"kind": "capacitor", "capacity_j": 90.0, "idle_w": 0.5}})
+        names = (*METRICS, *(metric.name for metric in metrics.OF_STORES))
+        found = evaluate(limited, "greedy", 1)
+        assert tuple(found.samples) == names
+        assert all(found.metrics[metric.name].mean >= 0 for metric in metrics.OF_STORES)
+        assert {metric.tag for metric in metrics.OF_STORES} <= set(Trainer(limited).iterate())
 
     def test_lie_within_their_bounds(self, tiny):
         for name, values in evaluate(tiny(), "random-walk", 20).samples.items():
@@ -59,7 +69,7 @@ class TestDescriptions:
                 ):
                     continue
                 text = path.read_text(encoding="utf-8")
-                assert [m.tag for m in metrics.BUILTIN if f'"{m.tag}"' in text] == [], path
+                assert [m.tag for m in ALL if f'"{m.tag}"' in text] == [], path
 
 
 class TestPages:
@@ -97,7 +107,7 @@ class TestErrors:
         with pytest.raises(InputError) as raised:
             metrics.register(name, **{"unit": "", "definition": "A sentence.", **arguments})(max)
         assert expected in str(raised.value)
-        assert [metric.name for metric in metrics.registered()] == [*METRICS, *OWN]
+        assert [metric.name for metric in metrics.registered()] == [*(m.name for m in ALL), *OWN]
 
     def test_of_what_is_no_function(self):
         with pytest.raises(InputError, match="metric mine: must be a function, not 3"):

@@ -30,6 +30,10 @@ SETTINGS = {
     ],
     ("reward", "mean_age"): [{"fairness_weight": 3.0}, {"credit": "difference"}],
     ("duplex", "tdd"): [{}, {"synchronised": True, "beta_rule": "stored"}],
+    ("storage", "capacitor"): [
+        {"capacity_j": 900.0},
+        {"capacity_j": 300.0, "initial_j": 200.0, "leakage_w": 0.5, "idle_w": 2.0},
+    ],
     ("optimizer", "torch"): [
         {"name": "AdamW", "options": {"weight_decay": 0.01}},
         {"name": "SGD", "options": {"momentum": 0.9}},

@@ -46,6 +46,7 @@ KEYS = {
     "observation entry": "observation.entries",
     "placement": "nodes",
     "reward": "reward",
+    "storage": "storage",
     "uplink": "uplink",
 }
 PACKETS = {"packet_bits": 100.0, "bandwidth_hz": 3000.0}
@@ -285,6 +286,32 @@ def test_deliveries_of_access_rules(scenario_with, message, call):
         World(scenario)
 
 
+STORES = {
+    "filled must be of float64": {"filled": lambda part, energy_j: energy_j > 1},
+    "filled must not add energy": {"filled": lambda part, energy_j: energy_j + 1.0},
+    "filled must not exceed capacity_j": {
+        "filled": lambda part, energy_j: energy_j,
+        "capacity_j": 1e-3,
+    },
+    "rest must return a Rest": {"rest": lambda part, energy_j: energy_j},
+    "idle_j of rest must not be negative": {
+        "rest": lambda part, energy_j: parts.Rest(energy_j + 1, energy_j * 0, energy_j * 0 - 1)
+    },
+    "energies of rest must add up to what there was": {
+        "rest": lambda part, energy_j: parts.Rest(energy_j, energy_j + 1, energy_j * 0)
+    },
+    "sleeps must be of bool": {"sleeps": lambda part, available_j: available_j},
+}
+
+
+@pytest.mark.parametrize("message", STORES)
+def test_stores(scenario_with, message):
+    whole = {"rest": lambda part, energy_j: parts.Rest(energy_j, energy_j * 0, energy_j * 0)}
+    scenario = scenario_with(parts.storages, parts.Storage, **(whole | STORES[message]))
+    with pytest.raises(InputError, match=f"^storage 'mine': {message}"):
+        World(scenario)
+
+
 SPLITS = {
     "split must return a Split": lambda split: split.beta,
     "beta must be of float64": lambda split: split._replace(beta=split.beta[0]),
@@ -327,6 +354,15 @@ def test_splits(scenario_with, registry, message):
             parts.duplexes,
             TimeDivision,
             {"uplink_frequency_khz": -1},
+        ),
+        ("is_limited must be True", parts.storages, parts.Storage, {"is_limited": 1}),
+        ("capacity_j must be above 0 J", parts.storages, parts.Storage, {"capacity_j": -5.0}),
+        ("drain_w must be 0 or more W", parts.storages, parts.Storage, {"drain_w": np.nan}),
+        (
+            "initial_j must be from 0 to capacity_j in J, not 9",
+            parts.storages,
+            parts.Storage,
+            {"capacity_j": 5.0, "initial_j": 9.0},
         ),
         (
             r"max_uplinks_per_slot\(1\) must be a whole number from 1, not 0",

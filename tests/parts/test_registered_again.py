@@ -48,6 +48,7 @@ SETTINGS = {
     ("duplex", "tdd"): {"beta_rule": "stored"},
     ("optimizer", "torch"): {"name": "AdamW"},
     **{key: of[0] for key, of in CONTRACTS.items() if key[0] in ("harvester", "uplink")},
+    ("storage", "capacitor"): {"capacity_j": 400.0, "leakage_w": 0.2, "idle_w": 0.5},
 }
 KEYS = {
     "absorption": "channel.absorption",
@@ -64,6 +65,7 @@ KEYS = {
     "placement": "nodes",
     "reward": "reward",
     "uplink": "uplink",
+    "storage": "storage",
 }
 #: The worlds, with penalties in time division that are none of frequency division.
 PENALTIES = {
@@ -217,7 +219,8 @@ def test_bounds(pairs):
         assert found.scheduling == expected.scheduling
         assert found.validity.removesuffix(f"; {found.stated_by}") == expected.validity
         relies = pairs.role == "access" or (
-            pairs.role in ("duplex", "beta rule", "motion", "placement") and is_covered(first)
+            pairs.role in ("duplex", "beta rule", "motion", "placement", "storage")
+            and is_covered(first)
         )
         assert bool(found.stated_by) == relies
         assert expected.stated_by == ""

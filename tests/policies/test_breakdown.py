@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iout_marl import World, evaluate, load_scenario, record_episode
-from iout_marl.breakdown import AUV_COLUMNS, NODE_COLUMNS
+from iout_marl.breakdown import AUV_COLUMNS, NODE_COLUMNS, STORE_COLUMNS
 from iout_marl.evaluation import play
 from iout_marl.policies import make_baseline
 
@@ -67,6 +67,40 @@ def test_nodes_add_up_to_the_network(scenario):
     assert auvs["packets"].sum(axis=1) == pytest.approx(nodes["deliveries"].sum(axis=1))
     left = nodes["harvested_j"] - nodes["spent_j"]
     assert nodes["left_j"] == pytest.approx(left, abs=1e-6)
+
+
+CAPACITOR = {
+    "kind": "capacitor", "capacity_j": 300.0, "initial_j": 40.0, "leakage_w": 0.2, "idle_w": 0.5
+}  # fmt: skip
+
+
+def test_what_stores_lose_is_told_where_they_have_limits():
+    limited = load_scenario("multi/m3-k10-fdd", {"storage": CAPACITOR})
+    result = evaluate(limited, "greedy", 3, breakdown=True)
+    nodes = result.breakdown.nodes
+    columns = [column.name for column in (*NODE_COLUMNS, *STORE_COLUMNS)]
+    assert list(nodes) == [column.name for column in result.breakdown.node_columns] == columns
+    for name in ("spilled_j", "leaked_j", "idle_j"):
+        assert nodes[name].sum(axis=1) == pytest.approx(result.samples[name])
+        assert nodes[name].sum() > 0
+    share = nodes["asleep_slots"].mean(axis=1) / limited.num_slots
+    assert share == pytest.approx(result.samples["asleep_share"])
+    lost_j = nodes["spilled_j"] + nodes["leaked_j"] + nodes["idle_j"]
+    left_j = 40 + nodes["harvested_j"] - nodes["spent_j"] - lost_j
+    assert nodes["left_j"] == pytest.approx(left_j, abs=1e-6)
+
+
+def test_the_command_has_columns_for_stores(iout, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    words = [
+        word for key, value in CAPACITOR.items() for word in ("--set", f"storage.{key}={value}")
+    ]
+    out = iout(
+        "evaluate", "paper/k3-fdd", "--policy", "greedy", "--nodes", "--episodes", 1, *words
+    )[1]
+    assert "spilled J" in out
+    assert "asleep slots" in out
+    assert "asleep" not in iout("evaluate", "paper/k3-fdd", "--nodes", "--episodes", 1)[1]
 
 
 def test_nothing_else_changes_and_nothing_is_told_unasked():

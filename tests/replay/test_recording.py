@@ -13,6 +13,7 @@ from iout_marl.evaluation import play
 from iout_marl.policies import make_baseline
 from iout_marl.render import Snapshot
 from iout_marl.replay import Recorder
+from iout_marl.replay.page import render_page
 
 #: A charging slot, a sending slot, and several AUVs are among them.
 SCENARIOS = ("paper/k3-fdd", "best/k5-tdd", "multi/m3-k10-fdd")
@@ -94,6 +95,27 @@ def test_cells_that_are_no_cubes_are_brought_back(tmp_path):
     assert found.snapshot(0).edges_m == (90, 120, 30)
     trajectory = Trajectory.from_recording(found)
     assert Trajectory(**json.loads(json.dumps(trajectory.to_json()))) == trajectory
+
+
+def test_stores_with_limits_have_their_capacity_and_nodes_that_sleep(tmp_path):
+    storage = {"kind": "capacitor", "capacity_j": 300.0, "idle_w": 0.5}
+    recording = record_policy("paper/k5-fdd", "random-walk", overrides={"storage": storage})
+    assert "asleep" in {reason.code for reason in recording.reasons}
+    recording.save(tmp_path / "e.json")
+    again = Recording.load(tmp_path / "e.json")
+    assert again.capacity_j == 300
+    assert not same(recording, again)
+    snapshot = again.snapshot(3)
+    assert snapshot.energy_yardstick_j == 300
+    assert snapshot.yardstick_text == "the capacity of a store"
+    assert render_page([again]).count("full at 300 J, the capacity of a store") == 1
+
+
+def test_stores_without_limits_have_none(data):
+    assert "capacity_j" not in data
+    assert Recording.from_json(data).capacity_j is None
+    with pytest.raises(InputError, match="capacity_j must be a number above 0, not 0"):
+        Recording.from_json({**data, "capacity_j": 0})
 
 
 def test_trajectory_is_a_part_of_it():

@@ -20,6 +20,7 @@ WHOLE = [
             "harvester.area_m2": 0.02,
             "nodes": {"kind": "random", "count": 3},
             "observation.view_range_m": 100,
+            "storage": {"kind": "capacitor", "capacity_j": 90.0},
             "training.target_kl": 0.1,
         },
     ),

@@ -204,6 +204,21 @@ LINES = {
     "grid: {own_cell_distance: means}": (
         "grid.own_cell_distance: unknown value 'means'; did you mean 'mean'?"
     ),
+    "storage: {kind: capacitor}": "storage.capacity_j: is missing",
+    "storage: {kind: battery, capacity_j: 5}": (
+        "storage.kind: unknown kind 'battery'; known: capacitor, unlimited; "
+    ),
+    "storage: {capacity_j: 5}": (
+        "storage.capacity_j: unknown key of kind 'unlimited': it belongs to kind 'capacitor'"
+    ),
+    "storage: {kind: capacitor, capacity_j: 0}": "storage.capacity_j: must be greater than 0, not ",
+    "storage: {kind: capacitor, capacity_j: 1e12}": "storage.capacity_j: 1e+12 J is implausible: ",
+    "storage: {kind: capacitor, capacity_j: 5, idle_w: -1}": (
+        "storage.idle_w: must be greater than or equal to 0, not -1"
+    ),
+    "storage: {kind: capacitor, capacity_j: 5, initial_j: 6}": (
+        "storage.initial_j: must not exceed storage.capacity_j, 5"
+    ),
     "grid: {spacing_m: 1e-320}": "grid.spacing_m: must be 0 or of a size from 1e-15 to 1e+15, not",
     "charging: {power_w: 1e300}": "charging.power_w: must be 0 or of a size from 1e-15 to 1e+15, n",
     "reward: {age_weight: -1e20}": "reward.age_weight: must be 0 or of a size from 1e-15 to 1e+15",

@@ -19,6 +19,7 @@ SCENARIOS = {
         {
             "channel": {"kind": "sonar", "absorption": {"kind": "francois_garrison"}},
             "nodes": {"kind": "random", "count": 4},
+            "storage": {"kind": "capacitor", "capacity_j": 90.0, "initial_j": 5.0, "idle_w": 1e-3},
             "training.target_kl": 0.1,
         },
     ),
@@ -44,7 +45,7 @@ WORDS = (
     "sonar", "fdd", "tdd", "paper", "stored", "mean_age", "scaled", "none", "info",
     "observation", "constant", "linear", "tanh", "relu", "running", "first_rollout",
     "orthogonal", "interference", "exclusive", "six", "hover", "team", "difference",
-    "own", "central", "adam", "AdamW", "mean", "airtime",
+    "own", "central", "adam", "AdamW", "mean", "airtime", "unlimited",
 )  # fmt: skip
 #: Names, keys with a single possible value, and a kind that needs other keys beside it.
 LEFT_OUT = {
@@ -57,6 +58,8 @@ LEFT_OUT = {
     "nodes.kind",
     "harvester.kind",
     "uplink.kind",
+    "storage",
+    "storage.kind",
 }
 #: Of some scenarios: keys that no other value goes with.
 DETERMINED = {
@@ -113,6 +116,13 @@ def test_changes_with_every_value(name, key, value):
     assert all(c.hash != scenario.hash for c in changed)
     is_of_the_world = not key.startswith(("reward.", "training."))
     assert all((c.world_hash != scenario.world_hash) == is_of_the_world for c in changed)
+
+
+def test_changes_with_the_kind_of_storage():
+    unlimited = load_scenario("paper/k3-fdd", {"storage": "unlimited"})
+    limited = load_scenario(unlimited, {"storage": {"kind": "capacitor", "capacity_j": 1e9}})
+    assert unlimited.hash == load_scenario("paper/k3-fdd").hash != limited.hash
+    assert limited.world_hash != unlimited.world_hash
 
 
 def test_changes_with_the_kind_of_layout():
@@ -247,14 +257,15 @@ def test_scenario_of_a_run_folder_of_an_earlier_version(name, hash_then, world_h
     # What came later is written, too.
     text = to_yaml(scenario)
     for key in (
-        "own_cell_distance: zero",
-        "optimizer: adam",
-        "network: mlp",
-        "kind: hydrophone",
-        "kind: shannon",
-        "area_m2: null",
+        "  own_cell_distance: zero",
+        "  optimizer: adam",
+        "  network: mlp",
+        "  kind: hydrophone",
+        "  kind: shannon",
+        "  area_m2: null",
+        "storage: unlimited",
     ):
-        text = text.replace(f"  {key}\n", "")
+        text = text.replace(f"{key}\n", "")
     assert text == path.read_text(encoding="utf-8")
 
 

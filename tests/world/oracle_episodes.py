@@ -30,6 +30,7 @@ STATE = (
     "peak_age",
     "capped_ages",
 )
+STORES = ("spilled_j", "leaked_j", "idle_j", "asleep_slots")
 EVENTS = ("left_grid", "blocked", "beta", "harvested_j", "delivered", "spent_j")
 
 
@@ -91,6 +92,11 @@ def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> C
     """Names of what a case may ask for, counted over one slot of one env."""
     seen: Counter[str] = Counter()
     seen["silenced uplink"] += oracle.silenced - silenced_before
+    stores = oracle.stores
+    seen["spilled"] += len(stores.spilling)
+    seen["starved"] += len(stores.starved)
+    seen["asleep when heard"] += sum(event.heard in stores.sleeping for event in oracle.events)
+    seen["store too small"] += len(stores.refused)
     seen["collision"] += sum(e.spent_j > 0 and not e.delivered for e in oracle.events) > 1
     for auv, event in enumerate(oracle.events):
         if event.delivered:
@@ -188,10 +194,18 @@ def _expected_slot(action: list[Any], oracles: list[Oracle]) -> ExpectedSlot:
     def by_name(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
         return {name: [row[name] for row in rows] for name in rows[0]}
 
+    limited = [oracle for oracle in oracles if oracle.stores.is_limited]
+    of_stores = STORES if limited else ()
     return ExpectedSlot(
         action,
         # As arrays, because the oracle continues writing in its lists.
-        {name: np.array([getattr(oracle, name) for oracle in oracles]) for name in STATE},
+        {
+            **{name: np.array([getattr(oracle, name) for oracle in oracles]) for name in STATE},
+            **{
+                name: np.array([getattr(oracle.stores, name) for oracle in limited])
+                for name in of_stores
+            },
+        },
         {name: [[getattr(e, name) for e in o.events] for o in oracles] for name in EVENTS},
         by_name([oracle.reward_terms() for oracle in oracles]),
         by_name([oracle.metrics() for oracle in oracles]),

@@ -68,6 +68,20 @@ SONAR = {
     "uplink.packet_bits": 7500,
     "harvester.sensitivity_db": -177,
 }
+#: Stores that are soon full and soon empty again.
+CAPACITOR = {
+    "storage": {
+        "kind": "capacitor",
+        "capacity_j": 400.0,
+        "initial_j": 70.0,
+        "leakage_w": 0.1,
+        "idle_w": 0.3,
+    }
+}
+STORES = {"spilled", "starved"}
+SLEEPERS = STORES | {"asleep when heard"}
+#: So small that they cannot hold what a slot's charging is meant to pay for.
+TINY_STORES = {"storage": {**CAPACITOR["storage"], "capacity_j": 90.0}}
 #: Cells of 10 m in rough water, in which a loud modem spends as much on sound as on electronics.
 MODEM = {
     "grid.spacing_m": 10,
@@ -336,6 +350,22 @@ CASES = {
     ),
     "sonar-of-mean-distance": Case(
         "paper/k3-fdd", FDD, {**SONAR, "grid.own_cell_distance": "mean"}
+    ),
+    "capacitors-fdd": Case("paper/k5-fdd", FDD | SLEEPERS, CAPACITOR),
+    "capacitors-fdd-three-auvs": Case(
+        "paper/k5-fdd",
+        FDD | SHARED | SLEEPERS,
+        {**CAPACITOR, "observation.view_range_m": 300, **THREE_AUVS},
+    ),
+    "capacitors-fdd-interference": Case(
+        "paper/k5-fdd",
+        FDD - {"no able node"} | SLEEPERS,
+        {**CAPACITOR, "channel.access": "interference", **THREE_AUVS},
+    ),
+    "capacitors-tdd": Case("paper/k3-tdd", TDD | STORES | {"store too small"}, TINY_STORES),
+    "capacitors-tdd-stored": Case("best/k3-tdd", TDD | STORES | {"store too small"}, TINY_STORES),
+    "capacitors-tdd-three-auvs": Case(
+        "best/k5-tdd", TDD | SHARED | STORES, {**CAPACITOR, **THREE_AUVS}
     ),
     "low-maximum-age": Case("paper/k5-fdd", FDD, {"age.maximum": 4, "age.initial": 2}),
     "other-bounds-of-beta": Case(

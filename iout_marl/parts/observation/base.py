@@ -71,7 +71,8 @@ class Representation(Part):
         self._maximum_age = float(scenario.age.maximum)
         # All AUVs at the node, charging it alone through the whole episode.
         best_slot_j = float(link.budget.harvested_power_w(0.0)) * scenario.slot_s
-        self._most_j = best_slot_j * scenario.num_slots * scenario.num_auvs
+        most_j = best_slot_j * scenario.num_slots * scenario.num_auvs
+        self._most_j = scenario.storage.part.most_j(most_j)
 
     def in_cells(self, cell: Array) -> Array:
         """x, y and z of cells by code, counted from 1: (…, 3)."""
