@@ -108,6 +108,14 @@ MODEM = {
     },
 }
 MODEM_TDD = {**MODEM, "duplex.beta_rule": "airtime"}
+#: The same for modems: a few packets' worth, and a draw of milliwatts.
+MODEM_STORES = {
+    "kind": "capacitor",
+    "capacity_j": 9.0,
+    "initial_j": 4.0,
+    "leakage_w": 2e-3,
+    "idle_w": 6e-3,
+}
 #: No number as in the bundled scenarios, none equal to another one that it could be.
 OTHER_HARDWARE = {
     "grid.spacing_m": 130,
@@ -366,6 +374,12 @@ CASES = {
     "capacitors-tdd-stored": Case("best/k3-tdd", TDD | STORES | {"store too small"}, TINY_STORES),
     "capacitors-tdd-three-auvs": Case(
         "best/k5-tdd", TDD | SHARED | STORES, {**CAPACITOR, **THREE_AUVS}
+    ),
+    "capacitors-modem-fdd": Case("paper/k3-fdd", FDD | STORES, {**MODEM, "storage": MODEM_STORES}),
+    "capacitors-modem-tdd": Case(
+        "paper/k3-tdd",
+        TDD - {"only transmitting"} | STORES,
+        {**MODEM_TDD, "storage": MODEM_STORES, **TWO_AUVS},
     ),
     "low-maximum-age": Case("paper/k5-fdd", FDD, {"age.maximum": 4, "age.initial": 2}),
     "other-bounds-of-beta": Case(
