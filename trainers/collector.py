@@ -12,6 +12,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from iout_marl.core.state import STORE_FIELDS
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World, node_codes, redraws_every_episode
 from trainers.accel import Runtime
@@ -286,6 +287,9 @@ class Collector:
             for name, t in tensors.items()
         }
         sums = whole.pop("sums").unbind(-1)
+        if not self.world.storage.is_limited:
+            # So are the states of versions in which stores had no limits.
+            whole = {name: t for name, t in whole.items() if name not in STORE_FIELDS}
         names = [metric.name for metric in self.world.summed]
         return {
             "state": whole,
@@ -299,10 +303,8 @@ class Collector:
 
         Of metrics that were not summed when it was made, the sums begin at 0.
         """
-        # Of an earlier version, whose stores had no limits, there are no columns of what they lose.
-        later = ("spilled_j", "leaked_j", "idle_j", "asleep_slots")
         states = [
-            dict.fromkeys(later, one["state"]["age"][:, :0])
+            dict.fromkeys(STORE_FIELDS, one["state"]["age"][:, :0])
             | one["state"]
             | {"sums": self._sums_of(one)}
             for one in saved

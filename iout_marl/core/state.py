@@ -12,6 +12,9 @@ from typing import NamedTuple
 from iout_marl.deprecated import warn_renamed
 from iout_marl.physics.arrays import Array
 
+#: Fields of a state that have no nodes where stores have no limits.
+STORE_FIELDS = ("spilled_j", "leaked_j", "idle_j", "asleep_slots")
+
 
 class State(NamedTuple):
     """A batch of environments between two slots. Shapes are (envs, auvs, nodes) in this order."""

@@ -57,8 +57,8 @@ class Scenario(Section):
     #: What a node stores of the sound that reaches it.
     harvester: Annotated[Settings, PartOf("harvester", default="hydrophone")]
     #: What the nodes' energy stores hold, and what they lose.
-    storage: Annotated[Settings, PartOf("storage", is_word=True, default="unlimited")] = Field(
-        "unlimited", validate_default=True
+    storage: Annotated[Settings, PartOf("storage", default="unlimited")] = Field(
+        {"kind": "unlimited"}, validate_default=True
     )
     #: The packets of the nodes, and the band they are sent in.
     uplink: Annotated[Settings, PartOf("uplink", default="shannon")]
@@ -74,7 +74,7 @@ class Scenario(Section):
     )
     training: Training
 
-    hash_defaults: ClassVar[dict[str, Any]] = {"storage": "unlimited"}
+    hash_defaults: ClassVar[dict[str, Any]] = {"storage": {"kind": "unlimited"}}
     not_hashed: ClassVar[frozenset[str]] = frozenset({"name", "description"})
 
     @field_validator("allow_implausible")

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from iout_marl import World
+from iout_marl.core.state import STORE_FIELDS
 from iout_marl.world import State, node_codes
 from trainers.accel import Runtime
 from trainers.collector import Collector
@@ -249,5 +250,5 @@ def test_state_is_a_snapshot(tiny):
     before = {k: v.clone() for k, v in saved["state"].items()}
     collect(collector, network, 13, use_mask=False)
     assert all(torch.equal(saved["state"][k], v) for k, v in before.items())
-    # No metrics of users are registered, which alone are summed over slots.
-    assert set(before) == set(State._fields) - {"sums"}
+    # No metrics of users are registered, which alone are summed over slots; stores lose nothing.
+    assert set(before) == set(State._fields) - {"sums", *STORE_FIELDS}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from iout_marl.core.reasons import ASLEEP, STORE_TOO_SMALL, Reason
-from iout_marl.core.state import State
+from iout_marl.core.state import STORE_FIELDS, State
 from iout_marl.parts.base import Context, Part
 from iout_marl.physics.arrays import Array, cast
 from iout_marl.registry import Registry
@@ -132,10 +132,7 @@ class Storage(Part):
         nothing = zeros((num_envs, self._columns))
         return {
             "energy_j": zeros((num_envs, self.world.scenario.num_nodes)) + float(self.initial_j),
-            "spilled_j": nothing,
-            "leaked_j": nothing,
-            "idle_j": nothing,
-            "asleep_slots": nothing,
+            **dict.fromkeys(STORE_FIELDS, nothing),
         }
 
     def after(
@@ -150,13 +147,7 @@ class Storage(Part):
             left_j: (envs, nodes) what uplinks have left of it.
         """
         if not self.is_limited:
-            return {
-                "energy_j": left_j,
-                "spilled_j": state.spilled_j,
-                "leaked_j": state.leaked_j,
-                "idle_j": state.idle_j,
-                "asleep_slots": state.asleep_slots,
-            }
+            return {"energy_j": left_j} | {name: getattr(state, name) for name in STORE_FIELDS}
         energy_j, leaked_j, idle_j = self.rest(left_j)
         asleep = cast(self.xp, self.sleeps(available_j), left_j.dtype)
         return {
