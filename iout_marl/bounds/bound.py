@@ -198,8 +198,8 @@ def _validity(scenario: Scenario) -> str:
         )
     if adds := scenario.storage.part.what_it_adds(scenario):
         return (
-            "the scheduling bound holds; one by energy and travel would hold for empty stores "
-            f"without limits, and for those that only remove possibilities: {adds}"
+            "the scheduling bound holds; for one by energy and travel stores would have to do "
+            f"nothing but take possibilities away: {adds}"
         )
     return "both bounds hold for every policy"
 

@@ -64,8 +64,8 @@ def test_where_a_store_adds_something_the_second_one_is_withheld(options, why):
     found = bound(limited, seconds=0)
     assert found.energy_and_travel is None
     assert found.validity == (
-        "the scheduling bound holds; one by energy and travel would hold for empty stores without "
-        f"limits, and for those that only remove possibilities: {why}"
+        "the scheduling bound holds; for one by energy and travel stores would have to do nothing "
+        f"but take possibilities away: {why}"
     )
     assert found.certificate.age_sum <= least_age_sum(limited)
     assert is_covered(unlimited)

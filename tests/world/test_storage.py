@@ -9,6 +9,8 @@ from oracle import Oracle
 from oracle_episodes import biased_action
 
 from iout_marl import World, evaluate, iout_v0, load_scenario, parts
+from iout_marl.envs import AUVEnv, AUVVectorEnv
+from iout_marl.testing import check_vector_env
 from iout_marl.world import node_codes
 from trainers import Trainer
 
@@ -209,6 +211,12 @@ def test_policies_play(tiny, policy, duplex):
     found = evaluate(tiny({"storage": storage}, f"paper/k3-{duplex}"), policy, 1)
     assert found.metrics["mean_aoi"].mean > 0
     assert found.metrics["uplink_success"].mean > 0
+
+
+@pytest.mark.parametrize("duplex", ["fdd", "tdd"])
+def test_the_batched_environment_does_what_single_ones_do_resets_of_some_included(tiny, duplex):
+    limited = tiny({"storage": CAPACITOR}, f"paper/k3-{duplex}")
+    check_vector_env(lambda: AUVVectorEnv(limited, 3), lambda: AUVEnv(limited), seeds=(7,))
 
 
 def test_trainings_go_on_where_they_were(tiny):
