@@ -11,7 +11,7 @@ from campaigns.campaign import Campaign, Tally
 from campaigns.scenarios_for_slots import draw_settings
 from iout_marl import iout_v0
 from iout_marl.core.limits import reward_bounds
-from iout_marl.errors import InputError
+from iout_marl.errors import InputError, Note
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import World, node_codes
 
@@ -304,6 +304,8 @@ def run(rng: np.random.Generator, cases: int) -> Tally:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error")
+                # What should be known of results is no fault of them.
+                warnings.simplefilter("ignore", Note)
                 count = play_scenario(scenario, int(np.clip(envs, 4, MOST_ENVS)), rng)
         except Exception as error:  # whatever it is, it is the fault that is looked for
             tally.fault((name, settings), error)
