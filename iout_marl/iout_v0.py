@@ -19,10 +19,12 @@ the node sends if the energy it has stored pays for it. The task is to keep the 
 (Age of Information), and to leave no node out (Jain's fairness).
 
 **Actions**: direction (+x, −x, +y, −y, +z, −z), node to charge, node to hear; in TDD one
-node for both; with `auvs.motion: hover` a seventh direction stays. Useless choices are
-harmless: they cost what the scenario says. In a grid of one cell every direction stays. An
-action outside its space, a missing action, an unknown agent, and a step before a reset or after
-the end are refused in one line.
+node for both; with `auvs.motion: hover` a seventh direction stays. With
+`auvs.idle_choices: true` each choice of a node has one more value, the last, K: nobody. An
+AUV that charges nobody makes no sound for it; one that hears nobody gets no packet, and takes
+nothing of the band. Useless choices are harmless: they cost what the scenario says. In a grid of
+one cell every direction stays. An action outside its space, a missing action, an unknown agent,
+and a step before a reset or after the end are refused in one line.
 
 **Several AUVs** move at once: those whose moves would end in one cell, or nearer than
 `auvs.separation_cells`, or swap their cells, stay where they are. A node that several

@@ -23,8 +23,8 @@ class Trajectory:
         spacing_m: edge of a cell in m, or its edges along x, y and z.
         nodes: (nodes, 3) cells.
         path: (slots + 1, auvs, 3) cells, the starts first.
-        charged: (slots, auvs) node charged; 0 where the slot left no time for it.
-        heard: (slots, auvs) node asked for its packet; 0 where there was no time for it.
+        charged: (slots, auvs) node charged; 0 for nobody, or where the slot left no time for it.
+        heard: (slots, auvs) node asked for its packet; 0 likewise.
         delivered: (slots, auvs) whether the packet arrived.
         ages: (slots, nodes) ages after each slot.
     """

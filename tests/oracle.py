@@ -5,7 +5,8 @@ those of its source) and the readings that make them reproduce its tables. It sh
 nothing with the package but the `Scenario`, from which it takes its numbers. Slow on
 purpose: one episode at a time, one node after the other.
 
-Cells are tuples (x, y, z) counted from 1; nodes, AUVs and directions count from 0.
+Cells are tuples (x, y, z) counted from 1; nodes, AUVs and directions count from 0. Behind the
+nodes comes nobody.
 """
 
 from __future__ import annotations
@@ -270,6 +271,8 @@ class Oracle:
         self.age_sum = 0.0  # over the slots, of the mean over the nodes
         self.peak_age = self.capped_ages = 0
         self.events: list[Slot] = []
+        self.nobody = scenario.num_nodes
+        self.asked = 0  # uplinks asked for
         self.silenced = 0  # uplinks that fell silent so that others could be heard
         self.notebooks = [Notebook(self, auv) for auv in self.auvs]
 
@@ -311,7 +314,8 @@ class Oracle:
         self.move([direction for direction, *_ in action])
         if self.scenario.duplex.kind == "tdd":
             for auv, event in enumerate(self.events):
-                event.beta = self.splitting(auv, event.charged)
+                if event.charged != self.nobody:
+                    event.beta = self.splitting(auv, event.charged)
         self.charge()
         self.stores.fill()
         able = self.able()
@@ -396,6 +400,8 @@ class Oracle:
         tau = self.scenario.slot_s
         fdd = self.scenario.duplex.kind == "fdd"
         for auv, event in enumerate(self.events):
+            if event.charged == self.nobody:
+                continue
             duration_s = tau if fdd else event.beta * tau
             d = self.distance_m(auv, event.charged)
             event.harvested_j = self.sound.harvested_j(d, duration_s)
@@ -414,6 +420,7 @@ class Oracle:
     def uplink(self, able: list[list[bool]]) -> None:
         """Each node sends at most once, to the nearest AUV that hears it, on the shared band."""
         fdd = self.scenario.duplex.kind == "fdd"
+        self.asked += sum(event.heard != self.nobody for event in self.events)
         sending: dict[int, int] = {}  # AUV: node
         for node in self.nodes:
             takers = []
@@ -546,6 +553,8 @@ class Oracle:
     def information_penalty(self, event: Slot) -> float:
         """Eqs. `penalty for missed information fdd` and `… tdd`."""
         reward = self.scenario.reward
+        if event.heard == self.nobody:
+            return 0.0
         if self.scenario.duplex.kind == "tdd":
             penalties = {1.0: reward.only_charging_penalty, 0.0: reward.only_transmitting_penalty}
             return penalties.get(event.beta, 0.0)
@@ -563,7 +572,7 @@ class Oracle:
             "jain": jain,
             "harvested_kj": self.harvested_j / 1000,
             "spent_kj": self.spent_j / 1000,
-            "uplink_success": sum(self.deliveries) / (self.slot * len(self.auvs)),
+            "uplink_success": sum(self.deliveries) / max(self.asked, 1),
             "age_violations": self.capped_ages,
             "jain_violation": float(jain < self.scenario.fairness.minimum_jain),
             **self.stores.metrics(),

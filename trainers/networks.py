@@ -196,7 +196,7 @@ class ActorCritic(nn.Module):
             seen = torch.stack([inputs[..., entries] for entries in self.node_entries], dim=-1)
             by_node = self.node_actor(seen).movedim(-1, -2)
             missing = self.width - by_node.shape[-1]
-            # Directions are no nodes: nothing is added to their logits.
+            # Directions are no nodes, nor is nobody: their logits are the actor's own.
             logits = logits + nn.functional.pad(by_node, (0, missing, 1, 0))
         if mask is None:
             return logits

@@ -19,12 +19,21 @@ class NodeAxis:
         num_auvs: M.
         num_nodes: K.
         backend: arrays to work with.
+        idle_choices: whether an AUV may name K, which is nobody.
 
     Attributes:
         num_nodes: K, as a floating array.
     """
 
-    def __init__(self, num_envs: int, num_auvs: int, num_nodes: int, backend: Backend) -> None:
+    def __init__(
+        self,
+        num_envs: int,
+        num_auvs: int,
+        num_nodes: int,
+        backend: Backend,
+        *,
+        idle_choices: bool = False,
+    ) -> None:
         self._xp = backend.xp
         self._is_alone = num_auvs == 1
         self._zero = backend.floats(0.0)
@@ -35,9 +44,16 @@ class NodeAxis:
         self._ones = backend.floats([1.0] * num_nodes)
         self._ones_of_auvs = backend.floats([[1.0] * num_auvs])
         self.num_nodes = backend.floats(float(num_nodes))
+        self._last_node = backend.integers(num_nodes - 1) if idle_choices else None
 
     def flat_index(self, node: Array) -> Array:
-        """Places of the (envs, auvs) nodes: (envs, auvs)."""
+        """Places of the (envs, auvs) nodes: (envs, auvs).
+
+        Nobody has the place of the last node: whoever reads or adds there sees to it that it
+        counts for nothing.
+        """
+        if self._last_node is not None:
+            node = self._xp.minimum(node, self._last_node)
         return node * self._num_envs + self._env
 
     def gather(self, values: Array, place: Array) -> Array:

@@ -95,18 +95,23 @@ def next_layer(
 
 
 def _with_energy(field: FiniteGame, layer: Layer, heard: int | None) -> list[Layer]:
-    """The states after every choice of whom to charge, where the node heard can pay."""
+    """The states after every choice of whom to charge, where the node heard can pay.
+
+    Nobody is one of them where the scenario says so. It matters in TDD: naming a node that is rich
+    may cost it what it has.
+    """
     charge, deliver, both = field.tables
     nodes = range(field.scenario.num_nodes)
-    if both is None:
-        if heard is not None:
-            return [_moved(field, layer, heard, deliver)]
-        return [_moved(field, layer, named, charge) for named in nodes]
+    idle_choices = field.scenario.auvs.idle_choices
     if heard is None:
-        return [_moved(field, layer, charged, charge) for charged in nodes]
+        idle = [layer] if idle_choices else []
+        return [*idle, *(_moved(field, layer, charged, charge) for charged in nodes)]
     paid = _moved(field, layer, heard, deliver)
+    if both is None:
+        return [paid]
+    idle = [paid] if idle_choices else []
     others = [_moved(field, paid, charged, charge) for charged in nodes if charged != heard]
-    return [_moved(field, layer, heard, both), *others]
+    return [_moved(field, layer, heard, both), *idle, *others]
 
 
 def _moved(field: FiniteGame, layer: Layer, node: int, table: Integers) -> Layer:

@@ -58,7 +58,7 @@ def check_branch_and_bound(scenario: Scenario, game: Game, target: int) -> None:
         InputError: some do not, or there are too many.
     """
     num_nodes, maximum = scenario.num_nodes, scenario.age.maximum
-    outcomes = _outcomes(game)
+    outcomes = _outcomes(game, idle_choices=scenario.auvs.idle_choices)
     dead = game.tables[0][0].shape[1]
     highest = num_nodes * scenario.num_slots * maximum
     if max(highest, len(game.neighbours)) > MOST_COUNTED:
@@ -167,10 +167,19 @@ def _without_worse(rows: Rows, num_nodes: int) -> Rows:
     return rows
 
 
-def _outcomes(game: Game) -> Outcomes:
+def _outcomes(game: Game, *, idle_choices: bool) -> Outcomes:
     if len(game.tables[0]) == 2:
-        return _named_outcomes(game.tables)
-    return _charged_and_heard(game.tables)
+        outcomes = _named_outcomes(game.tables)
+    else:
+        outcomes = _charged_and_heard(game.tables)
+    if idle_choices:
+        # Nobody charged: a node heard pays for itself, and without one nothing changes. Not all
+        # tables make charging better than that: in TDD naming a node may cost it its store.
+        outcomes[None].append([])
+        if len(game.tables[0]) > 2:
+            for node, (_, deliver, _) in enumerate(game.tables):
+                outcomes[node].append([(node, deliver)])
+    return outcomes
 
 
 def _named_outcomes(per_node: list[list[Integers]]) -> Outcomes:

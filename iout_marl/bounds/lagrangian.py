@@ -4,9 +4,10 @@ A slot serves one node, and the AUV is in one place. Take both rules away, and e
 have the AUV where it likes; but it pays p_t for each slot t in which it is named, and μ_kt(x)
 for having the AUV in cell x. The prices p_t ≥ 0 are paid back once a slot, and the μ add up to 0
 over nodes. Whatever a policy does, the nodes could all do too, and would pay nothing on
-balance: so the sum over nodes of the least of ages and payments, less Σ p_t, is a lower bound
-for any prices (Lagrangian relaxation; Geoffrion, 1974). The least for one node is a dynamic
-programme over (slot, cell, level of energy, age).
+balance, or less than is paid back where an AUV names nobody (`auvs.idle_choices`): so the sum over
+nodes of the least of ages and payments, less Σ p_t, is a lower bound for any prices (Lagrangian
+relaxation; Geoffrion, 1974). The least for one node is a dynamic programme over (slot, cell, level
+of energy, age).
 """
 
 from __future__ import annotations

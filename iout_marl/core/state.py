@@ -44,6 +44,8 @@ class State(NamedTuple):
     leaked_j: Array  # (envs, nodes) float, J: energy that the store has lost
     idle_j: Array  # (envs, nodes) float, J: energy that the node has drawn beside uplinks
     asleep_slots: Array  # (envs, nodes) float, count: slots that the node has slept through
+    # What AUVs left undone; no column where they name a node in every slot.
+    unasked: Array  # (envs, 1) float, count: slots, summed over AUVs, in which nobody was heard
     # What users' metrics add up; no columns where there are none.
     sums: Array  # (envs, metrics) float: each summed over the slots so far
 
@@ -57,9 +59,10 @@ class Events(NamedTuple):
 
     left_grid: Array  # (envs, auvs) bool: tried to leave the grid
     blocked: Array  # (envs, auvs) bool: stayed, since its move came too near another AUV's
-    charged: Array  # (envs, auvs) int: node charged
-    heard: Array  # (envs, auvs) int: node asked for its data
-    beta: Array  # (envs, auvs) float: TDD's share of the slot for charging; 0 in FDD
+    charged: Array  # (envs, auvs) int: node charged; K for nobody (`auvs.idle_choices`)
+    heard: Array  # (envs, auvs) int: node asked for its data; K for nobody
+    # (envs, auvs) float: TDD's share of the slot for charging; 0 in FDD, and where nobody is named
+    beta: Array
     harvested_j: Array  # (envs, auvs) float, J: energy the node charged has harvested
     available_j: Array  # (envs, nodes) float, J: energy stored when the uplinks begin
     delivered: Array  # (envs, auvs) bool: the node heard has delivered its packet

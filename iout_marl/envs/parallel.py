@@ -77,7 +77,10 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         return self.observation_spaces[self._known(agent)]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
-        """The actions of an agent: MultiDiscrete([directions, K, K]), in TDD [directions, K]."""
+        """The actions of an agent: MultiDiscrete([directions, K, K]), in TDD [directions, K].
+
+        With `auvs.idle_choices` K + 1 stands for K, and the last choice for nobody.
+        """
         return self.action_spaces[self._known(agent)]
 
     def _known(self, agent: str) -> str:

@@ -22,7 +22,12 @@ def _jain_violation(world: World, state: State) -> Array:
 
 
 def _uplink_success(world: World, state: State) -> Array:
-    return world.nodes.sum(state.deliveries) / (world.slots_over(state) * world.num_auvs)
+    asked = world.slots_over(state) * world.num_auvs
+    if world.idle_choices:
+        # Where nobody has been asked so far, nothing has arrived: 0 of 1.
+        xp = world.backend.xp
+        asked = xp.maximum(asked - state.unasked[:, 0], xp.ones_like(asked))
+    return world.nodes.sum(state.deliveries) / asked
 
 
 def _asleep_share(world: World, state: State) -> Array:
@@ -116,7 +121,8 @@ BUILTIN = (
     Metric(
         "uplink_success",
         _uplink_success,
-        definition="Share of the AUVs' slots in which a packet was delivered.",
+        definition="Share of the AUVs' slots in which a packet was delivered; slots in which an "
+        "AUV asked nobody do not count.",
         unit="",
         heading="uplinks",
         axis_title="Uplinks that arrive",

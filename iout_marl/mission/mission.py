@@ -175,7 +175,9 @@ def _checked_start(start: datetime | None, duration_s: float) -> datetime:
 
 
 def _actions(recording: Recording, slot: int, auv: int) -> Iterator[Action]:
-    """What an AUV does in a slot, from 0; a part of it for which there is no time is none.
+    """What an AUV does in a slot, from 0.
+
+    A part of it for which there is no time is none, nor is one in which it names nobody.
 
     Charging comes first where both share the slot, and else both take all of it.
     """
@@ -189,7 +191,7 @@ def _actions(recording: Recording, slot: int, auv: int) -> Iterator[Action]:
         energy_j = float(recording.harvested_j[slot, auv])
         times = (begins_s, until_s)
         yield Action(auv + 1, slot + 1, "charge", charged, *times, (x, y, z), energy_j, None)
-    if not (recording.splits_slot and beta == 1):
+    if heard and not (recording.splits_slot and beta == 1):
         times = (turn_s if recording.splits_slot else begins_s, ends_s)
         energy_j = float(recording.spent_j[slot, auv])
         delivered = bool(recording.delivered[slot, auv])

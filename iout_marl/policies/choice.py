@@ -57,7 +57,8 @@ def greedy_action(
     AUVs choose in turn, the one with the most to gain first, and no two the same node
     while there are others. In FDD they hear the oldest nodes that can pay, and charge
     where stores grow most in proportion. In TDD a node is worth its age, divided by
-    (the slots until it has paid)^haste.
+    (the slots until it has paid)^haste. No AUV is left without a node, even where it may be
+    (`auvs.idle_choices`).
 
     Args:
         world: the world: its rules. `state` may be of another number of environments.

@@ -115,16 +115,18 @@ class Planner:
         order = state.node_cell[0].argsort(kind="stable")
         back = order.argsort(kind="stable")
         start, routes = with_nodes(state, order), self._tours(state)
+        # Behind all nodes: nobody, whom a policy may name (`auvs.idle_choices`).
+        order_named, back_named = (np.append(each, len(each)) for each in (order, back))
         plans = [self._simulator.replay(start, self._follow(start, routes))]
         for policy in warm:
             actions = self._played(state, policy)
-            actions[..., 1:] = back[actions[..., 1:]]
+            actions[..., 1:] = back_named[actions[..., 1:]]
             plans.append(self._simulator.replay(start, actions))
         plan = min(plans, key=lambda plan: plan.age_sum)
         if self._searches:
             plan = self._improve(plan, routes, budget)
         actions = plan.actions.copy()
-        actions[..., 1:] = order[actions[..., 1:]]
+        actions[..., 1:] = order_named[actions[..., 1:]]
         return Plan(with_nodes(plan.states, back), actions, plan.age_sum)
 
     def _tours(self, state: State) -> Integers:

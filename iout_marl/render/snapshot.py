@@ -134,7 +134,7 @@ class Snapshot:
         return [
             (auv, int(node))
             for auv, node in enumerate(self.charged)
-            if not self.splits_slot or self.beta[auv] > 0
+            if node < self.num_nodes and (not self.splits_slot or self.beta[auv] > 0)
         ]
 
     def hearing(self) -> list[tuple[int, int, bool]]:
@@ -142,7 +142,11 @@ class Snapshot:
         if self.heard is None or self.delivered is None:
             return []
         pairs = zip(self.heard, self.delivered, strict=True)
-        return [(auv, int(node), bool(arrived)) for auv, (node, arrived) in enumerate(pairs)]
+        return [
+            (auv, int(node), bool(arrived))
+            for auv, (node, arrived) in enumerate(pairs)
+            if node < self.num_nodes
+        ]
 
 
 def _drawable(values: npt.ArrayLike) -> Floats:

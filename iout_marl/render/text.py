@@ -133,11 +133,13 @@ def _auv_table(s: Snapshot, names: list[str]) -> list[str]:
     lines = []
     for auv, name in enumerate(names[:MAX_AUVS]):
         words = [f"AUV {name:<2} {_cell(s.auv_positions[auv]):<12}"]
-        if auv in heard:
-            node, arrived = heard[auv]
+        if s.heard is not None:
+            node, arrived = heard.get(auv, (None, False))
             words.append(f"charged {charged[auv] + 1 if auv in charged else '-':<3}")
-            words.append(f"heard {node + 1:<3}")
-            words.append("delivered" if arrived else "no packet")
+            words.append(f"heard {'-' if node is None else node + 1:<3}")
+            words.append(
+                "delivered" if arrived else "nobody asked" if node is None else "no packet"
+            )
         if s.splits_slot and s.beta is not None:
             words.append(f"beta {s.beta[auv]:.2f}")
         lines.append("  ".join(words))

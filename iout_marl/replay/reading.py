@@ -34,7 +34,7 @@ ARRAYS = {
     "left_grid": _Array(_SLOTS, bool),
     "blocked": _Array(_SLOTS, bool),
     "charged": _Array(_SLOTS, int, 0, "nodes"),
-    "heard": _Array(_SLOTS, int, 1, "nodes"),
+    "heard": _Array(_SLOTS, int, 0, "nodes"),
     "beta": _Array(_SLOTS, float, 0, 1),
     "outcome": _Array(_SLOTS, int, 0, "reasons"),
     "harvested_j": _Array(_SLOTS, float),

@@ -53,13 +53,17 @@ class Recorder:
         """
         world, env = self._world, self._env
         beta = np.array(events.beta[env], dtype=np.float64)
+        charged, heard = (
+            np.where(named == world.num_nodes, 0, named + 1)
+            for named in (np.array(events.charged[env]), np.array(events.heard[env]))
+        )
         no_time = world.duplex.splits_slot & (beta == 0)
         own = {name: np.array(getattr(events, name)[env]) for name in _OF_EVENTS}
         self._slots.append(
             {
                 **own,
-                "charged": np.where(no_time, 0, events.charged[env] + 1),
-                "heard": np.array(events.heard[env] + 1),
+                "charged": np.where(no_time, 0, charged),
+                "heard": heard,
                 "beta": beta,
                 "outcome": [
                     self._number(reason)

@@ -42,10 +42,11 @@ class Recording:
         path: (slots + 1, auvs, 3) cells, the starts first.
         left_grid, blocked: (slots, auvs) whether an AUV stayed at the edge of the grid, and
             whether because of another AUV.
-        charged: (slots, auvs) node charged; 0 where the slot left no time for it.
-        heard: (slots, auvs) node asked for its packet.
+        charged: (slots, auvs) node charged; 0 for nobody, or where the slot left no time for it.
+        heard: (slots, auvs) node asked for its packet; 0 for nobody.
         beta: (slots, auvs) share of the slot for charging; 0 in FDD.
-        outcome: (slots, auvs) 0 where the packet arrived, else the reason why not.
+        outcome: (slots, auvs) 0 where the packet arrived, else the reason why not; nobody asked is
+            one, `core.reasons.NOBODY_ASKED`.
         harvested_j: (slots, auvs) energy that the node charged has harvested, in J.
         spent_j: (slots, auvs) energy that the node heard has spent, in J.
         rewards: (slots, auvs).
@@ -101,6 +102,11 @@ class Recording:
         return self.outcome == 0
 
     @property
+    def asked(self) -> Flags:
+        """(slots, auvs) whether a node was asked for its packet."""
+        return self.heard > 0
+
+    @property
     def deliveries(self) -> Integers:
         """(slots + 1, nodes) packets that each node has delivered so far."""
         counts = np.zeros((self.slots + 1, self.num_nodes), dtype=np.int64)
@@ -143,12 +149,15 @@ class Recording:
             total_harvested_j=float(self.harvested_j[:place].sum()),
             duplex=self.duplex,
             splits_slot=self.splits_slot,
-            # Where nobody was charged β is 0, and the node does not matter.
-            charged=np.maximum(self.charged[slot] - 1, 0) if place else None,
-            heard=self.heard[slot] - 1 if place else None,
+            charged=self._named(self.charged[slot]) if place else None,
+            heard=self._named(self.heard[slot]) if place else None,
             delivered=self.delivered[slot] if place else None,
             beta=self.beta[slot] if place else None,
         )
+
+    def _named(self, node: Integers) -> Integers:
+        """Nodes as the world counts them: from 0, and K for nobody."""
+        return np.where(node > 0, node - 1, self.num_nodes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it as JSON.
@@ -210,6 +219,12 @@ class Recording:
         found |= {name: read.array(name, sizes, grid) for name in ARRAYS}
         if sizes["slots"] > found["num_slots"]:
             raise read.fault("charged", f"must have at most {found['num_slots']} slots")
+        from_nobody = np.argwhere((found["heard"] == 0) & (found["outcome"] == 0))
+        if from_nobody.size:
+            slot, auv = (from_nobody[0] + 1).tolist()
+            raise read.fault(
+                f"outcome[{slot}, {auv}]", "is a packet that arrived, but heard is 0, nobody"
+            )
         return cls(
             seed=read.seed(),
             grid=grid,

@@ -92,8 +92,10 @@ class Auvs(Section):
     #: no rule. Of AUVs whose moves would end too near one another, or swap their cells,
     #: all stay where they are.
     separation_cells: Annotated[NonNegative, Plausible(0, 1000, "cells")] = 1.0
+    #: Whether an AUV may charge nobody and hear nobody: one more choice, behind all nodes.
+    idle_choices: bool = False
 
-    hash_defaults: ClassVar[dict[str, Any]] = {"separation_cells": 1.0}
+    hash_defaults: ClassVar[dict[str, Any]] = {"separation_cells": 1.0, "idle_choices": False}
 
 
 class Episode(Section):

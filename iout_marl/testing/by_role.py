@@ -158,12 +158,16 @@ def _follow(field: FiniteGame, levels: Any, cell: int, events: Any) -> None:
     charge, deliver, both = field.tables
     charged, heard = int(events.charged[0, 0]), int(events.heard[0, 0])
     delivered = bool(events.delivered[0, 0])
+    nobody = field.scenario.num_nodes
     if both is None:
+        if heard == nobody:
+            return
         levels[heard] = (deliver if delivered else charge)[heard, cell, levels[heard]]
     elif delivered and charged == heard:
         levels[heard] = both[heard, cell, levels[heard]]
     else:
-        levels[charged] = charge[charged, cell, levels[charged]]
+        if charged != nobody:
+            levels[charged] = charge[charged, cell, levels[charged]]
         if delivered:
             levels[heard] = deliver[heard, cell, levels[heard]]
 

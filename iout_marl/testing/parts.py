@@ -24,7 +24,15 @@ from iout_marl.scenario.keys import all_keys
 from iout_marl.scenario.parts import Settings, part_of, parts_in
 from iout_marl.testing import by_role
 from iout_marl.testing.environments import SEEDS
-from iout_marl.testing.recorded import Slot, actions_for, compare, episode, first_state, permuted
+from iout_marl.testing.recorded import (
+    Slot,
+    actions_for,
+    compare,
+    episode,
+    first_state,
+    permuted,
+    renamed,
+)
 from iout_marl.testing.settings import check_settings
 from iout_marl.testing.training import check_training
 from iout_marl.world import World
@@ -40,14 +48,17 @@ SMALL = {
     "uplink.packet_bits": 30000,
     "charging.power_w": 60000,
 }
+#: An AUV may name nobody: K is an action, and is in events.
+NOBODY = {"auvs.idle_choices": True}
 TEAM = {"auvs.start_cells": [[2, 2, 1], [4, 2, 1], [1, 3, 2]]}
 ALONE = {"auvs.start_cells": [[2, 2, 1]]}
+ONE_BAND = {"channel.access": "interference"}
 #: The worlds, by what they are called where a test fails.
 WORLDS: Mapping[str, tuple[str, dict[str, Any]]] = {
     "3 AUVs, FDD": ("paper/k5-fdd", SMALL | TEAM),
     "3 AUVs, TDD": ("paper/k5-tdd", SMALL | TEAM),
-    "3 AUVs, TDD, one band": ("best/k5-tdd", SMALL | TEAM | {"channel.access": "interference"}),
-    "1 AUV, FDD": ("paper/k5-fdd", SMALL | ALONE),
+    "3 AUVs, TDD, one band": ("best/k5-tdd", SMALL | TEAM | ONE_BAND | NOBODY),
+    "1 AUV, FDD": ("paper/k5-fdd", SMALL | ALONE | NOBODY),
     "1 AUV, TDD": ("paper/k5-tdd", SMALL | ALONE),
 }
 #: Sums in another order, or by another library.
@@ -281,7 +292,7 @@ def permuted_actions(
     """(slots, envs, auvs, entries) actions in a world whose nodes or AUVs are in another order."""
     if nodes is not None:
         actions = actions.copy()
-        actions[..., 1:] = np.argsort(nodes)[actions[..., 1:]]
+        actions[..., 1:] = renamed(actions[..., 1:], nodes)
     return actions if auvs is None else actions[:, :, auvs]
 
 

@@ -56,9 +56,14 @@ class Slot:
             if nodes is not None and name in OF_NODES:
                 array = array[..., nodes[: array.shape[-1]]]  # noqa: PLW2901
             if nodes is not None and name in CHOSEN_NODES:
-                array = np.argsort(nodes)[array]  # noqa: PLW2901
+                array = renamed(array, nodes)  # noqa: PLW2901
             found[name] = array
         return Slot(found)
+
+
+def renamed(named: Values, nodes: Values) -> Values:
+    """Nodes by the numbers that they have in another order; nobody, K, stays nobody."""
+    return np.append(np.argsort(nodes), len(nodes))[named]
 
 
 def permuted(state: State, nodes: Values | None = None, auvs: Values | None = None) -> State:

@@ -32,6 +32,7 @@ class ActionMask:
         self._motion = motion
         self._xp = backend.xp
         self._num_nodes = scenario.num_nodes
+        self._idle_choices = scenario.auvs.idle_choices
         self._hears_another = scenario.duplex.part.num_choices > 1
         #: (auvs, auvs): 1 for each other AUV.
         self._others = backend.floats(1 - np.eye(scenario.num_auvs))
@@ -40,7 +41,10 @@ class ActionMask:
         self._others_at_best_j = backend.floats((scenario.num_auvs - 1) * best_j)
 
     def __call__(self, state: State) -> Array:
-        """(envs, auvs, choices) bool: directions, nodes to charge, in FDD nodes to hear."""
+        """(envs, auvs, choices) bool: directions, nodes to charge, in FDD nodes to hear.
+
+        Nobody, where it is a choice, is always a sensible one.
+        """
         xp = self._xp
         inside = self._motion.stays_inside(state.cell)
         shape = (*state.cell.shape, self._num_nodes)
@@ -51,6 +55,9 @@ class ActionMask:
             if self._view.is_limited:
                 may_pay = may_pay | ~self._view.sees(state.cell, state.node_cell)
             masks.append(may_pay)
+        if self._idle_choices:
+            nobody = any_node[..., :1]
+            masks = [inside, *(xp.concat([mask, nobody], axis=-1) for mask in masks[1:])]
         # A choice needs at least one way to go.
         masks = [mask | ~xp.any(mask, axis=-1, keepdims=True) for mask in masks]
         return xp.concat(masks, axis=-1)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from iout_marl.core.reasons import NOT_STATED, Reason
+from iout_marl.core.reasons import NOBODY_ASKED, NOT_STATED, Reason
 from iout_marl.core.state import Events, State
 from iout_marl.parts import Request
 from iout_marl.physics.arrays import Array
@@ -37,16 +37,20 @@ def outcomes(world: World, before: State, events: Events, after: State) -> Outco
     named = world.addressed(before.node_cell, after.cell, events.charged, events.heard)
     stored_j = world.nodes.gather(before.energy_j, named.heard_index)
     available_j = world.nodes.gather(events.available_j, named.heard_index)
-    split = world.duplex.split(named.charged_offset, named.heard_offset, stored_j)
+    split = world.split(named, stored_j)
     come_j = world.nodes.scatter_add(before.energy_j, named.charged_index, events.harvested_j)
     wanted = world.duplex.sends(split, available_j)
-    sends = world.sends(split, named.heard_index, come_j, available_j)
+    sends = world.sends(named, split, come_j, available_j)
     request = Request(
         after.cell, events.heard, named.heard_cell, sends, available_j, named.heard_offset
     )
     lost = ~np.asarray(events.delivered)
     found: Outcomes = [[NOT_STATED if each else None for each in row] for row in lost.tolist()]
     has_reason = np.zeros_like(lost)
+    if named.hears is not None:
+        has_reason = ~np.asarray(named.hears)
+        for env, auv in np.argwhere(has_reason).tolist():
+            found[env][auv] = NOBODY_ASKED
     silent, unheard = ~np.asarray(sends), np.asarray(sends)
     for part, among, reasons in (
         (world.storage, silent, world.storage.why_silent(wanted, available_j, sends)),

@@ -73,8 +73,9 @@ class World:
         summed: those of them that each slot adds to, in the order of `State.sums`.
         num_envs, num_auvs, num_nodes, num_slots: sizes of the batch, of the fleet, of the
             network, of an episode.
+        idle_choices: whether an AUV may name K, which is nobody (`auvs.idle_choices`).
         action_sizes: number of choices of each entry of an AUV's action: (directions, K, K)
-            in FDD, (directions, K) in TDD.
+            in FDD, (directions, K) in TDD; K + 1 for K with `idle_choices`.
 
     Raises:
         InputError: no such scenario, a fault in it, an argument is something else, or the
@@ -111,7 +112,10 @@ class World:
         self.motion = Mover(
             self.grid, scenario.auvs.motion.part.steps, scenario.auvs.separation_cells, backend
         )
-        self.nodes = NodeAxis(num_envs, self.num_auvs, self.num_nodes, backend)
+        self.idle_choices = scenario.auvs.idle_choices
+        self.nodes = NodeAxis(
+            num_envs, self.num_auvs, self.num_nodes, backend, idle_choices=self.idle_choices
+        )
         self.view = View(scenario, self.link, self.nodes, backend)
         self.credit = Credit(scenario, self.nodes, backend)
         self.representation: Representation = scenario.observation.part
@@ -136,13 +140,15 @@ class World:
         self.action_mask = ActionMask(scenario, context, self.motion, self.storage)
         self.action_sizes = (
             self.motion.num_directions,
-            *(self.num_nodes,) * self.duplex.num_choices,
+            *(self.num_nodes + self.idle_choices,) * self.duplex.num_choices,
         )
         start = self.grid.encode(start_cells(scenario, self.grid))
         # Brought to the device here: later an accelerator would have to stop for them.
         self._start = backend.integers(np.tile(start, (num_envs, 1)))
         self._one_slot = backend.integers(1)
         self._one = backend.floats(1.0)
+        self._nothing = backend.floats(0.0)
+        self._nobody = backend.integers(self.num_nodes)
         self._check_layout = LayoutCheck((num_envs, self.num_nodes), self.grid)
         self._check_action = ActionCheck(num_envs, self.num_auvs, self.action_sizes)
         # Of every node: NumPy compares two arrays faster than an array and a number.
@@ -195,6 +201,7 @@ class World:
             **self.storage.first(self.num_envs),
             **self.view.first(self.num_envs),
             **self.credit.first(self.num_envs),
+            unasked=backend.zeros((self.num_envs, int(self.idle_choices))),
             sums=backend.zeros((self.num_envs, len(self.summed))),
         )
 
@@ -212,7 +219,10 @@ class World:
         Args:
             state: the state before the slot.
             action: (envs, auvs, entries) int: direction, node charged, node heard (FDD),
-                or direction, node (TDD), each below its `action_sizes`.
+                or direction, node (TDD), each below its `action_sizes`. With `idle_choices`
+                node K is nobody. An AUV that charges nobody makes no sound for it, and in TDD its
+                β is 0. One that hears nobody gets no packet, no node spends anything for it, and
+                it is in nobody's way on the band.
 
         Returns:
             the state after the slot, and what happened in it.
@@ -222,18 +232,17 @@ class World:
 
         cell, left_grid, blocked = self.motion.move(state.cell, action[..., 0])
 
-        heard_index, heard_cell, heard_offset, charged_index, charged_offset = self.addressed(
-            state.node_cell, cell, charged, heard
-        )
+        named = self.addressed(state.node_cell, cell, charged, heard)
+        heard_index, heard_cell, heard_offset, charged_index, charged_offset, _, hears = named
         stored_j = nodes.gather(state.energy_j, heard_index)
-        split = self.duplex.split(charged_offset, heard_offset, stored_j)
+        split = self.split(named, stored_j)
         # Eq. `E harvested`; a node charged by two AUVs gets both.
         harvested_j = link.at(link.harvested_w, charged_offset) * split.charging_s
         come_j = nodes.scatter_add(state.energy_j, charged_index, harvested_j)
         available_j = self.storage.filled(come_j)
 
         heard_available_j = nodes.gather(available_j, heard_index)
-        sends = self.sends(split, heard_index, come_j, heard_available_j)
+        sends = self.sends(named, split, come_j, heard_available_j)
         request = Request(cell, heard, heard_cell, sends, heard_available_j, heard_offset)
         delivered, spent_j = self.access(request, split)
         # At the root of the energy balance rounding may ask for more than there is.
@@ -266,6 +275,7 @@ class World:
             capped_ages=state.capped_ages + clipped_age,
             harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
             spent_j=state.spent_j + _over_auvs(xp, spent_j),
+            unasked=state.unasked if hears is None else state.unasked + self._number_unasked(hears),
             sums=state.sums,
             **stores,
             **self.view.after(state, cell, age, stores["energy_j"], heard_index, delivered),
@@ -287,40 +297,67 @@ class World:
             new_state = new_state._replace(sums=state.sums + xp.concat(more, axis=1))
         return new_state, events
 
-    def sends(
-        self, split: Split, heard_index: Array, come_j: Array, heard_available_j: Array
-    ) -> Array:
-        """Whether the nodes heard send, (envs, auvs) bool: as the duplex part says, if they can.
-
-        Args:
-            split: the slot's split.
-            heard_index: (envs, auvs) places of the nodes heard.
-            come_j: (envs, nodes) energy after charging, before a store spills any.
-            heard_available_j: (envs, auvs) energy of the nodes heard after that.
-        """
-        sends = self.duplex.sends(split, heard_available_j)
-        if not self.storage.is_limited:
-            return sends
-        heard_come_j = self.nodes.gather(come_j, heard_index)
-        return self.storage.permits(sends, split.required_j, heard_come_j, heard_available_j)
-
     def addressed(self, node_cell: Array, cell: Array, charged: Array, heard: Array) -> Addressed:
         """The nodes that AUVs name, and how they lie to them.
 
         Args:
             node_cell: (envs, nodes) codes of the nodes' cells.
             cell: (envs, auvs) codes of the AUVs' cells, after their moves.
-            charged, heard: (envs, auvs) nodes.
+            charged, heard: (envs, auvs) nodes, or K for nobody.
         """
         link, nodes = self.link, self.nodes
+        charges = hears = None
+        if self.idle_choices:
+            charges, hears = charged < self._nobody, heard < self._nobody
         heard_index = nodes.flat_index(heard)
         heard_cell = nodes.gather(node_cell, heard_index)
         heard_offset = link.offset(cell, heard_cell)
         if self.duplex.num_choices == 1:
-            return Addressed(heard_index, heard_cell, heard_offset, heard_index, heard_offset)
-        charged_index = nodes.flat_index(charged)
-        charged_offset = link.offset(cell, nodes.gather(node_cell, charged_index))
-        return Addressed(heard_index, heard_cell, heard_offset, charged_index, charged_offset)
+            charged_index, charged_offset = heard_index, heard_offset
+        else:
+            charged_index = nodes.flat_index(charged)
+            charged_offset = link.offset(cell, nodes.gather(node_cell, charged_index))
+        return Addressed(
+            heard_index, heard_cell, heard_offset, charged_index, charged_offset, charges, hears
+        )
+
+    def split(self, named: Addressed, stored_j: Array) -> Split:
+        """How the AUVs' slots are split.
+
+        Args:
+            named: the nodes that they name.
+            stored_j: (envs, auvs) energy of the node heard at the start of the slot.
+        """
+        split = self.duplex.split(named.charged_offset, named.heard_offset, stored_j)
+        if named.charges is None:
+            return split
+        xp, nothing = self.backend.xp, self._nothing
+        return split._replace(
+            beta=xp.where(named.charges, split.beta, nothing),
+            charging_s=xp.where(named.charges, split.charging_s, nothing),
+        )
+
+    def sends(self, named: Addressed, split: Split, come_j: Array, available_j: Array) -> Array:
+        """Whether the nodes heard send, (envs, auvs) bool: as the duplex part says, if they can.
+
+        Args:
+            named: the nodes that the AUVs name.
+            split: of their slots.
+            come_j: (envs, nodes) energy after charging, before a store spills any.
+            available_j: (envs, auvs) energy of the nodes heard after that.
+        """
+        sends = self.duplex.sends(split, available_j)
+        if named.hears is not None:
+            sends = sends & named.hears
+        if not self.storage.is_limited:
+            return sends
+        heard_come_j = self.nodes.gather(come_j, named.heard_index)
+        return self.storage.permits(sends, split.required_j, heard_come_j, available_j)
+
+    def _number_unasked(self, hears: Array) -> Array:
+        """How many AUVs hear nobody, (envs, 1) floats."""
+        xp = self.backend.xp
+        return xp.sum(cast(xp, ~hears, self._one.dtype), axis=1, keepdims=True)
 
     def outcomes(self, before: State, events: Events, after: State) -> Outcomes:
         """Why uplinks of a slot have failed, of a world on NumPy: see `world.outcomes`."""

@@ -17,6 +17,7 @@ def small_world(
     access="orthogonal",
     *,
     is_oblong=False,
+    idle_choices=False,
 ):
     """A 3 × 3 × 1 grid with wide cells, oblong ones perhaps, on which energy binds."""
     cells = rng.permutation([(x, y, 1) for x in (1, 2, 3) for y in (1, 2, 3)])
@@ -29,6 +30,7 @@ def small_world(
         "auvs.start_cells": cells[-auvs:].tolist(),
         "auvs.motion": motion,
         "auvs.separation_cells": 0,
+        "auvs.idle_choices": idle_choices,
         "channel.access": access,
         "episode.duration_s": slots * spacing_m / 4,
         "charging.power_w": float(2000 * 10 ** rng.uniform(-1.3, 0.3)),

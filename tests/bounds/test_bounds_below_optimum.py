@@ -33,14 +33,21 @@ CASES = [
     ("tdd", "stored", "six", 2, 5, True),
     ("fdd", "modem", "six", 2, 5),
     ("tdd", "airtime", "six", 2, 6),
+    # where the AUV may name nobody: a node alone, that it would have to name, and two
+    ("fdd", "paper", "hover", 2, 4, False, True),
+    ("tdd", "paper", "hover", 1, 7, False, True),
+    ("tdd", "stored", "six", 1, 8, False, True),
+    ("tdd", "stored", "hover", 2, 6, False, True),
 ]
 SEEDS = range(4)
 
 
 def world(case, seed):
-    duplex, rule, motion, nodes, slots, *is_oblong = case
+    duplex, rule, motion, nodes, slots, is_oblong, idle_choices = (*case, False, False)[:7]
     rng = np.random.default_rng([seed, nodes, slots, duplex == "tdd", rule == "stored"])
-    return small_world(rng, duplex, motion, nodes, slots, rule, is_oblong=bool(is_oblong))
+    return small_world(
+        rng, duplex, motion, nodes, slots, rule, is_oblong=is_oblong, idle_choices=idle_choices
+    )
 
 
 @pytest.fixture(scope="module")

@@ -34,15 +34,25 @@ def scenario(duplex="fdd", auvs=1, layout="fixed", mask="none", slots=SLOTS, **c
     return load_scenario(f"paper/k3-{duplex}", settings | LAYOUTS[layout] | changes)
 
 
-#: By name: every combination, but for layouts of the run, which shape no observation.
+#: By name: every combination, but for layouts of the run, which shape no observation; and a few
+#: in which an AUV may name nobody.
 CASES = {
-    "-".join(map(str, case)): case
+    "-".join(map(str, case)): (case, {})
     for case in itertools.product(("fdd", "tdd"), STARTS, LAYOUTS, MASKS)
     if case[2:] not in (("run", "info"), ("run", "observation"))
+} | {
+    f"nobody-{'-'.join(map(str, case))}": (case, {"auvs.idle_choices": True})
+    for case in (
+        ("fdd", 1, "fixed", "none"),
+        ("fdd", 3, "episode", "observation"),
+        ("tdd", 1, "episode", "info"),
+        ("tdd", 3, "fixed", "info"),
+    )
 }
 
 
 @functools.cache
 def case_scenario(name):
     """The scenario of one of `CASES`."""
-    return scenario(*CASES[name])
+    case, changes = CASES[name]
+    return scenario(*case, **changes)

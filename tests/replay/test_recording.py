@@ -213,7 +213,7 @@ FAULTS = {
     "charged": ([], "charged must be a list that is not empty, not []"),
     "charged.0": (1, "charged must hold lists that are not empty, not 1"),
     "charged.3.1": (11, "charged[4, 2] is out of range: 11"),
-    "heard.3.1": (0, "heard[4, 2] is out of range: 0"),
+    "heard.3.1": (-1, "heard[4, 2] is out of range: -1"),
     "heard.3": ([1, 2, 3], "heard must be 100 × 2 (slots, auvs) of whole numbers"),
     "heard.3.0": (1.5, "heard must be 100 × 2 (slots, auvs) of whole numbers"),
     "outcome.0.0": (9, "outcome[1, 1] is out of range: 9"),

@@ -257,6 +257,7 @@ def test_scenario_of_a_run_folder_of_an_earlier_version(name, hash_then, world_h
     text = to_yaml(scenario)
     for key in (
         "  own_cell_distance: zero",
+        "  idle_choices: false",
         "  optimizer: adam",
         "  network: mlp",
         "  kind: hydrophone",

@@ -273,6 +273,20 @@ class TestNodeNetwork:
         torch.testing.assert_close(policy[:, 0, :6].sum(-1), torch.ones(4))
         torch.testing.assert_close(policy[:, 1].sum(-1), torch.ones(4))
 
+    def test_nobody_is_the_actors_own(self):
+        torch.manual_seed(0)
+        scaler = Scaler(torch.zeros(21), torch.ones(21), 10.0)
+        entries = (slice(3, 12), slice(12, 21))
+        net = untrained(scaler, (6, 10, 10), (8,), "tanh", node_entries=entries)
+        inputs = torch.randn(4, 21)
+        before = net.logits(inputs)
+        with torch.no_grad():
+            net.node_actor[-1].bias += 1
+        changed = net.logits(inputs) - before
+        torch.testing.assert_close(changed[:, 1:, :9], torch.ones(4, 2, 9))
+        assert not changed[:, 1:, 9].any()
+        assert not changed[:, 0].any()
+
     def test_is_trained_saved_and_loaded(self, tiny, tmp_path):
         scenario = tiny({"training.node_network": True, "auvs.count": 2})
         run = train(scenario, tmp_path / "run", evaluation_episodes=1).run

@@ -28,6 +28,7 @@ CASES = {
     "everything-seen": (
         "multi/m3-k10-fdd",
         {
+            "auvs.idle_choices": True,
             "observation.kind": "scaled",
             "observation.node_positions": True,
             "observation.time": True,

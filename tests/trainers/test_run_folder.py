@@ -344,6 +344,7 @@ class TestEvaluatingARun:
                 {"auvs": {"count": 2, "motion": "hover"}},
                 "auvs.count 1, not 2; auvs.motion six, not hover",
             ),
+            ({"auvs.idle_choices": True}, "auvs.idle_choices False, not True"),
         ],
     )
     def test_world_that_does_not_fit_is_refused_in_any_case(self, folder, tiny, changes, needs):

@@ -69,11 +69,12 @@ def biased_action(rng: random.Random, env: int, oracle: Oracle) -> list[list[int
     All AUVs of an env have the same target, so they often choose the same node.
     """
     num_nodes = len(oracle.nodes)
+    num_choices = num_nodes + oracle.scenario.auvs.idle_choices
     target = {0: None, 1: 0, 2: oracle.slot // 12 % num_nodes}[env]
     action = []
     for cell in oracle.auv_cells:
         direction = rng.randrange(7 if oracle.scenario.auvs.motion.kind == "hover" else 6)
-        nodes = [rng.randrange(num_nodes), rng.randrange(num_nodes)]
+        nodes = [rng.randrange(num_choices), rng.randrange(num_choices)]
         if target is not None and rng.random() < 0.8:
             goal = oracle.node_cells[target]
             nodes = [target if rng.random() < 0.85 else node for node in nodes]
@@ -108,20 +109,28 @@ def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> C
         seen["delivery" if event.delivered else "no delivery"] += 1
         seen["left grid"] += event.left_grid
         seen["kept apart"] += event.blocked
-        heard_m, charged_m = (oracle.distance_m(auv, k) for k in (event.heard, event.charged))
-        seen["out of range"] += oracle.sound.required_j(heard_m, oracle.scenario.slot_s) == math.inf
-        seen["below threshold"] += oracle.sound.harvested_j(charged_m, 1.0) == 0
-        seen["same cell"] += oracle.auv_cells[auv] == oracle.node_cells[event.charged]
+        charges, hears = (n != oracle.nobody for n in (event.charged, event.heard))
+        seen["nobody charged"] += not charges and hears
+        seen["nobody heard"] += charges and not hears
+        seen["idle"] += not charges and not hears
+        if hears:
+            heard_m = oracle.distance_m(auv, event.heard)
+            uplink_j = oracle.sound.required_j(heard_m, oracle.scenario.slot_s)
+            seen["out of range"] += uplink_j == math.inf
+        if charges:
+            charged_m = oracle.distance_m(auv, event.charged)
+            seen["below threshold"] += oracle.sound.harvested_j(charged_m, 1.0) == 0
+            seen["same cell"] += oracle.auv_cells[auv] == oracle.node_cells[event.charged]
         seen["overserved node"] += event.delivered and oracle.deliveries[event.heard] > fair_share
         if oracle.scenario.duplex.kind == "tdd":
-            seen += kind_of_split(oracle, auv)
-        elif not event.delivered:
+            seen += kind_of_split(oracle, auv) if charges else Counter()
+        elif hears and not event.delivered:
             seen["wrong node" if event.some_node_able else "no able node"] += 1
         for other in range(auv):
             seen += kind_of_encounter(oracle, auv, other)
         book = oracle.notebooks[auv]
         seen["lost sight"] += min(book.seen_slot) < oracle.slot - 3
-        in_sight = oracle.distance_m(auv, event.heard) <= (
+        in_sight = hears and oracle.distance_m(auv, event.heard) <= (
             oracle.scenario.observation.view_range_m or math.inf
         )
         seen["news from afar"] += event.delivered and not in_sight
@@ -142,8 +151,8 @@ def kind_of_split(oracle: Oracle, auv: int) -> Counter[str]:
 def kind_of_encounter(oracle: Oracle, auv: int, other: int) -> Counter[str]:
     seen: Counter[str] = Counter()
     pair = [oracle.events[auv], oracle.events[other]]
-    seen["shared charging"] += pair[0].charged == pair[1].charged
-    if pair[0].heard != pair[1].heard:
+    seen["shared charging"] += pair[0].charged == pair[1].charged != oracle.nobody
+    if pair[0].heard != pair[1].heard or pair[0].heard == oracle.nobody:
         return seen
     distances = [oracle.distance_m(i, pair[0].heard) for i in (auv, other)]
     equal = distances[0] == distances[1]

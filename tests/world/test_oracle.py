@@ -21,6 +21,9 @@ FDD = ALWAYS | {"no able node", "wrong node"}
 TDD = ALWAYS | {"only charging", "only transmitting", "both"}
 SHARED = {"kept apart", "shared charging", "contested uplink", "contest at equal distance"}
 DISTURBED = {"disturbed uplink", "silenced uplink"}
+#: In TDD nobody is the one choice.
+IDLE_FDD, IDLE_TDD = {"nobody charged", "nobody heard", "idle"}, {"idle"}
+NOBODY = {"auvs.idle_choices": True}
 
 TWO_AUVS = {"auvs.start_cells": [[5, 5, 2], [1, 2, 1]]}
 THREE_AUVS = {"auvs.start_cells": [[5, 5, 2], [1, 2, 1], [3, 1, 2]]}
@@ -380,6 +383,55 @@ CASES = {
         "paper/k3-tdd",
         TDD - {"only transmitting"} | STORES,
         {**MODEM_TDD, "storage": MODEM_STORES, **TWO_AUVS},
+    ),
+    "nobody-fdd": Case(
+        "paper/k3-fdd",
+        FDD | IDLE_FDD,
+        {"reward.no_able_node_penalty": 1.0, "reward.wrong_node_penalty": 8.0, **NOBODY},
+    ),
+    "nobody-tdd": Case(
+        "paper/k3-tdd", TDD | IDLE_TDD, {"reward.only_transmitting_penalty": 3.0, **NOBODY}
+    ),
+    "nobody-stored": Case("best/k3-tdd", TDD | IDLE_TDD, NOBODY),
+    "nobody-three-auvs-fdd": Case(
+        "paper/k5-fdd",
+        FDD | SHARED | IDLE_FDD | {"helped by another"},
+        {"reward.credit": "difference", "auvs.motion": "hover", **THREE_AUVS, **NOBODY},
+    ),
+    "nobody-three-auvs-tdd": Case(
+        "paper/k5-tdd",
+        TDD | SHARED | IDLE_TDD | {"lost sight", "news from afar"},
+        {"observation.view_range_m": 110, **THREE_AUVS, **NOBODY},
+    ),
+    "nobody-exclusive-fdd": Case(
+        "paper/k5-fdd",
+        FDD | SHARED | IDLE_FDD | {"collision"},
+        {"channel.access": "exclusive", **THREE_AUVS, **NOBODY},
+    ),
+    "nobody-exclusive-tdd": Case(
+        "paper/k5-tdd",
+        TDD | SHARED | IDLE_TDD | {"collision"},
+        {"channel.access": "exclusive", **THREE_AUVS, **NOBODY},
+    ),
+    "nobody-interference-fdd": Case(
+        "paper/k5-fdd",
+        FDD | SHARED | DISTURBED | IDLE_FDD,
+        {"channel.access": "interference", **LOUD, **THREE_AUVS, **NOBODY},
+    ),
+    "nobody-interference-tdd": Case(
+        "best/k5-tdd",
+        TDD | SHARED | DISTURBED | IDLE_TDD,
+        {"channel.access": "interference", **THREE_AUVS, **NOBODY},
+    ),
+    "nobody-interference-tdd-synchronised": Case(
+        "best/k5-tdd",
+        TDD | SHARED | IDLE_TDD | {"disturbed uplink"},
+        {
+            "channel.access": "interference",
+            "duplex.synchronised": True,
+            **THREE_AUVS,
+            **NOBODY,
+        },
     ),
     "low-maximum-age": Case("paper/k5-fdd", FDD, {"age.maximum": 4, "age.initial": 2}),
     "other-bounds-of-beta": Case(

@@ -34,12 +34,18 @@ def draw_actions(scenario, seed, slots=60, envs=2):
 
 ACCESS = ("orthogonal", "interference", "exclusive")
 scenarios = st.builds(
-    lambda name, auvs, access: load_scenario(
-        name, {"auvs.start_cells": STARTS[:auvs], "channel.access": access}
+    lambda name, auvs, access, idle_choices: load_scenario(
+        name,
+        {
+            "auvs.start_cells": STARTS[:auvs],
+            "auvs.idle_choices": idle_choices,
+            "channel.access": access,
+        },
     ),
     st.sampled_from(NAMES),
     st.integers(1, 3),
     st.sampled_from(ACCESS),
+    st.booleans(),
 )
 laws = settings(max_examples=25, deadline=None)
 

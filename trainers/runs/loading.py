@@ -41,6 +41,7 @@ def _interface(scenario: Scenario) -> dict[str, tuple[Any, Any]]:
         "auvs.count": same(scenario.num_auvs),
         "nodes.count": same(scenario.num_nodes),
         "duplex.kind": (duplex.part.num_choices, duplex.kind),
+        "auvs.idle_choices": same(scenario.auvs.idle_choices),
         "auvs.motion": (tuple(map(tuple, motion.part.steps)), motion.kind),
         "observation.kind": same(seen.kind),
         "observation.node_positions": same(seen.node_positions),

@@ -31,7 +31,8 @@ class Paper(Reward):
         location_penalty: Term = 10.0
         #: A move that came too near another AUV's (see `auvs.separation_cells`).
         separation_penalty: Term = 10.0
-        #: FDD: the uplink failed, and no node could have paid one.
+        #: FDD: the uplink failed, and no node could have paid one. Where nobody was asked, nothing
+        #: has failed.
         no_able_node_penalty: Term = 4.0
         #: FDD: the uplink failed, and another node could have paid one.
         wrong_node_penalty: Term = 4.0
@@ -79,6 +80,8 @@ class Paper(Reward):
         self._separation = backend.floats([0.0, -settings.separation_penalty])
         self._occurrence = backend.floats([0.0, -settings.occurrence_penalty])
         self._is_alone = world.scenario.num_auvs == 1
+        self._idle_choices = world.scenario.auvs.idle_choices
+        self._nobody = backend.integers(world.scenario.num_nodes)
         self._no_able_node = backend.floats(-settings.no_able_node_penalty)
         self._wrong_node = backend.floats(-settings.wrong_node_penalty)
         self._only_charging = backend.floats(-settings.only_charging_penalty)
@@ -94,9 +97,7 @@ class Paper(Reward):
         terms = {
             "age": self._credit.share(age, self._discriminated_age, state),
             "location": pick(xp, self._location, events.left_grid),
-            "information": self._split(events)
-            if self._splits_slot
-            else self._missed_data(state, events),
+            "information": self._information(state, events),
             "occurrence": pick(xp, self._occurrence, overserved),
         }
         if not self._is_alone:
@@ -110,6 +111,12 @@ class Paper(Reward):
         """The age term of (…, nodes) ages and deliveries: (…)."""
         jain = jain_of(self.xp, deliveries, self._nodes.num_nodes)
         return self._weight * (self._one - jain) * self._age.mean(age)
+
+    def _information(self, state: State, events: Events) -> Array:
+        penalty = self._split(events) if self._splits_slot else self._missed_data(state, events)
+        if self._idle_choices:
+            penalty = self.xp.where(events.heard < self._nobody, penalty, self._none)
+        return penalty
 
     def _missed_data(self, state: State, events: Events) -> Array:
         """Eq. `penalty for missed information fdd`: no node, or the wrong one, heard."""

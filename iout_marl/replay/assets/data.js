@@ -86,7 +86,7 @@ class Episode {
       return {
         auv,
         charged: this.charged[at] - 1, // −1 for nobody
-        heard: this.heard[at] - 1,
+        heard: this.heard[at] - 1, // −1 for nobody
         arrived: this.outcome[at] === 0,
         reason: this.outcome[at] ? this.reasons[this.outcome[at] - 1] : null,
         harvested_j: this.harvested[at],

@@ -119,8 +119,13 @@ class Panel {
   /** How many uplinks came to what, over the whole episode. */
   tally() {
     const counts = new Map();
+    let idle = 0;
     for (let slot = 0; slot < this.episode.slots; slot++) {
       for (const link of this.episode.links(slot)) {
+        if (link.heard < 0) {
+          idle += 1;
+          continue;
+        }
         const key = link.reason ? link.reason[1] : "";
         counts.set(key, (counts.get(key) ?? 0) + 1);
       }
@@ -131,7 +136,8 @@ class Panel {
     const tally = find(".tally", this.section);
     tally.append(
       make("b", {}, `${counts.get("") ?? 0} of ${all} uplinks arrived. `),
-      texts.length ? `Not arrived: ${texts.join("; ")}.` : ""
+      texts.length ? `Not arrived: ${texts.join("; ")}.` : "",
+      idle ? ` Nobody asked: ${idle} ×.` : ""
     );
   }
 
@@ -168,8 +174,9 @@ class Panel {
     const charged = link.charged < 0
       ? "nobody" : `node ${link.charged + 1}: +${energyText(link.harvested_j)}${share}`;
     const spent = link.spent_j > 0 ? `, ${energyText(link.spent_j)} spent` : "";
-    const outcome = make("td", { class: link.arrived ? "arrived" : "lost" });
-    outcome.append(make("span", { "aria-hidden": "true" }, link.arrived ? "✓ " : "✗ "));
+    const asked = link.heard >= 0;
+    const outcome = make("td", asked ? { class: link.arrived ? "arrived" : "lost" } : {});
+    if (asked) outcome.append(make("span", { "aria-hidden": "true" }, link.arrived ? "✓ " : "✗ "));
     const before = episode.age(slot, link.heard), after = episode.age(slot + 1, link.heard);
     outcome.append(
       link.arrived ? `packet arrived, age ${before} → ${after}${spent}` : `${link.reason[1]}${spent}`
@@ -178,7 +185,7 @@ class Panel {
     badge.style.background = auvColour(episode, link.auv);
     return make(
       "tr", {}, make("th", { scope: "row" }, badge), make("td", {}, episode.moveText(slot, link.auv)),
-      make("td", {}, charged), make("td", {}, `node ${link.heard + 1}`), outcome
+      make("td", {}, charged), make("td", {}, asked ? `node ${link.heard + 1}` : "nobody"), outcome
     );
   }
 }
@@ -366,12 +373,13 @@ function drawTicks() {
   EPISODES.forEach((episode, index) => {
     const middle = row * (index + 0.5);
     for (let slot = 0; slot < episode.slots; slot++) {
-      const links = episode.links(slot), share = links.filter((link) => link.arrived).length / links.length;
+      const links = episode.links(slot), shareOf = (chosen) => links.filter(chosen).length / links.length;
+      const share = shareOf((link) => link.arrived), lost = shareOf((link) => link.heard >= 0) - share;
       const left = 8 + (slot / SLOTS) * (width - 16), wide = Math.max((width - 16) / SLOTS - 1, 1);
       pen.fillStyle = style.getPropertyValue("--data");
       pen.fillRect(left, middle - share * (row / 2 - 1), wide, share * (row / 2 - 1));
       pen.fillStyle = style.getPropertyValue("--failed");
-      pen.fillRect(left, middle, wide, (1 - share) * (row / 2 - 1));
+      pen.fillRect(left, middle, wide, lost * (row / 2 - 1));
     }
   });
 }
