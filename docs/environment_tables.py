@@ -15,6 +15,7 @@ from iout_marl.core.ranges import Ranges
 from iout_marl.envs import sb3_vec_env
 from iout_marl.envs.episodes import INFO_KEYS, EpisodeBatch
 from iout_marl.report.markup import markdown_text
+from iout_marl.scenario import Overrides
 from iout_marl.scenario.reference import summary_of
 
 #: Scenarios whose spaces are shown.
@@ -77,6 +78,9 @@ def entries_tables() -> str:
     blocks = ["### Actions"]
     for scenario in (FDD, TDD):
         blocks += [f"In `{scenario}`:", table(("Entry", "What", "Values"), _action(scenario))]
+    idle = "auvs.idle_choices=true"
+    blocks += [f"In `{TDD}` with `--set {idle}`:"]
+    blocks += [table(("Entry", "What", "Values"), _action(TDD, idle))]
     headings = ("Entries", "What", "Unit", "Range", "Divided by")
     blocks.append("### Observations")
     for scenario in (FDD, TEAM):
@@ -86,11 +90,13 @@ def entries_tables() -> str:
     return page_of(blocks)
 
 
-def _action(scenario: str) -> Iterator[tuple[str, str, str]]:
-    loaded = load_scenario(scenario)
+def _action(scenario: str, overrides: Overrides = None) -> Iterator[tuple[str, str, str]]:
+    loaded = load_scenario(scenario, overrides)
     steps = loaded.auvs.motion.part.steps
     names = ", ".join(f"{i}: {_DIRECTIONS[tuple(step)]}" for i, step in enumerate(steps))
     nodes = f"0 to {loaded.num_nodes - 1}, a node"
+    if loaded.auvs.idle_choices:
+        nodes += f"; {loaded.num_nodes}, nobody"
     what = ["node to charge", "node to hear"]
     if loaded.duplex.part.splits_slot:
         what = ["node to charge, and then to hear"]

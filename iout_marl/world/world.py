@@ -222,7 +222,7 @@ class World:
                 or direction, node (TDD), each below its `action_sizes`. With `idle_choices`
                 node K is nobody. An AUV that charges nobody makes no sound for it, and in TDD its
                 β is 0. One that hears nobody gets no packet, no node spends anything for it, and
-                it is in nobody's way on the band.
+                it takes no part of the band.
 
         Returns:
             the state after the slot, and what happened in it.

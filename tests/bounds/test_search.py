@@ -7,9 +7,17 @@ import pytest
 from small_worlds import least_age_sum, small_world
 
 from iout_marl import bounds
-from iout_marl.bounds import bound, branch_and_bound, gap_percent, percent_text, verified_age_sum
+from iout_marl.bounds import (
+    bound,
+    branch_and_bound,
+    branch_and_bound_check,
+    gap_percent,
+    percent_text,
+    verified_age_sum,
+)
 from iout_marl.bounds.bound import ROUNDING_PERCENT
 from iout_marl.bounds.branch_and_bound import first_layer, next_layer, search
+from iout_marl.bounds.check_game import finite_game
 from iout_marl.bounds.deadline import OutOfTime
 from iout_marl.bounds.energy import COARSE, FINE, ROUGH, energy_levels_j
 from iout_marl.bounds.finite_game import FiniteGame
@@ -34,6 +42,25 @@ def test_a_search_that_is_cut_off_anywhere_has_a_bound_all_the_same(looks, monke
     )
     assert bounds.least_age_sum(scenario) <= found <= least_age_sum(scenario)
     assert looks < 10_000 or found == least_age_sum(scenario)
+
+
+@pytest.mark.parametrize("idle_choices", [False, True])
+def test_to_spare_a_rich_node_is_a_way_only_where_nobody_is_a_choice(idle_choices):
+    """In TDD a node that is named delivers, or else comes to no more than a poor one would."""
+    rng = np.random.default_rng(3)
+    scenario = small_world(rng, "tdd", "hover", 1, 6, "stored", idle_choices=idle_choices)
+    field = FiniteGame.from_scenario(scenario)
+    rich = field.num_levels - 2
+    layer = first_layer(field)._replace(levels=np.full((1, 1), rich))
+    after = next_layer(field, layer, 0, target=10**6)
+    is_spared = (after.levels[:, 0] == rich) & (after.ages[:, 0] > 1)
+    assert is_spared.any() == idle_choices
+    game = finite_game(scenario, tuple(field.levels_j[:-1].tolist()))
+    outcomes = branch_and_bound_check._outcomes(game, idle_choices=idle_choices)
+    comes_to = {rich} if [] in outcomes[None] else set()
+    for ((_, table),) in filter(None, outcomes[None]):
+        comes_to |= set(table[:, rich].tolist())
+    assert (rich in comes_to) == idle_choices
 
 
 def test_no_time_is_no_search():
