@@ -196,6 +196,20 @@ def test_maskable_ppo_trains_on_the_batched_world(auvs, mask):
 
 
 @pytest.mark.slow
+def test_maskable_ppo_may_always_name_nobody():
+    """Even where it hears nobody in earnest: no node can pay."""
+    poor = {"charging.power_w": 1e-3, "auvs.idle_choices": True}
+    world = scenario(auvs=3, mask="info", **poor)
+    model = MaskablePPO(policy_for(world), sb3_vec_env(world, WORLDS), **TINY)
+    model.learn(2 * SLOTS * WORLDS * 3)
+    masks = model.rollout_buffer.action_masks.reshape(-1, 6 + 4 + 4)
+    assert masks[:, 9].all()
+    assert masks[:, 13].all()
+    assert not masks[:, 10:13].any()
+    assert (model.rollout_buffer.actions.reshape(-1, 3)[:, 2] == 3).all()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", [0, 2])
 @pytest.mark.parametrize("mask", ["info", "observation"])
 def test_maskable_ppo_trains_on_both_routes_alike(mask, processes):

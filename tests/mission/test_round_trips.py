@@ -137,11 +137,19 @@ def test_actions_are_those_of_the_episode(planned, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "policy"), [("paper/k3-fdd", "greedy"), ("best/k3-tdd", "greedy")]
+    ("name", "policy", "changes"),
+    [
+        ("paper/k3-fdd", "greedy", {}),
+        ("best/k3-tdd", "greedy", {}),
+        ("paper/k3-fdd", "random-walk", {"auvs.idle_choices": True}),
+        ("best/k3-tdd", "random-walk", {"auvs.idle_choices": True}),
+    ],
 )
-def test_actions_say_whom_and_when(name, policy):
-    mission = plan_mission(name, policy, 0, START)
-    episode = record_episode(name, policy, 0)
+def test_actions_say_whom_and_when(name, policy, changes):
+    mission = plan_mission(name, policy, 0, START, overrides=changes)
+    episode = record_episode(name, policy, 0, overrides=changes)
+    idle = sum(not (c[0] or h[0]) for c, h in zip(episode.charged, episode.heard, strict=True))
+    assert (idle > 0) == bool(changes)
     for slot in range(len(episode.charged)):
         own = {a.kind: a for a in mission.actions if a.slot == slot + 1}
         charged, heard = episode.charged[slot][0], episode.heard[slot][0]
@@ -149,6 +157,8 @@ def test_actions_say_whom_and_when(name, policy):
         assert (own["hear"].node if "hear" in own else 0) == heard
         if heard:
             assert own["hear"].delivered is episode.delivered[slot][0]
+        if not own:
+            continue
         begins, ends = slot * mission.slot_s, (slot + 1) * mission.slot_s
         if "tdd" not in name:
             assert {(a.start_s, a.end_s) for a in own.values()} == {(begins, ends)}

@@ -16,7 +16,13 @@ from iout_marl.world import node_codes
 
 SHORT = {"episode.duration_s": 300}
 TWO = {"auvs.count": 2, "channel.access": "interference"}
-WORLDS = [("best/k5-fdd", {}), ("best/k5-tdd", {}), ("best/k5-fdd", TWO), ("best/k5-tdd", TWO)]
+NOBODY = {"auvs.idle_choices": True}
+WORLDS = [
+    ("best/k5-fdd", {}),
+    ("best/k5-tdd", {}),
+    ("best/k5-fdd", TWO),
+    ("best/k5-tdd", TWO | NOBODY),
+]
 EVERY_WORLD = pytest.mark.parametrize(("name", "changes"), WORLDS, ids=str)
 
 
@@ -83,6 +89,20 @@ class TestPlans:
         warm = PlannerPolicy(Budget(rounds=0), warm=[Script(good.actions)])
         (*_, (last, _)) = play(World(world.scenario), warm)
         assert float(last.age_sum[0]) <= good.age_sum + 1e-9
+
+    @pytest.mark.slow
+    def test_are_no_worse_than_a_policy_that_leaves_nodes_alone(self, name, changes):
+        """Whose choice of nobody is nobody in plans, too, in which nodes have another order."""
+        world, state = start(name, {**SHORT, **changes, **NOBODY})
+        good = Planner(world.scenario, searches=True).plan(state, Budget(rounds=1)).actions.copy()
+        good[::3, :, 1:] = world.num_nodes
+        planner = Planner(world.scenario, searches=False)
+        idle = np.full_like(good, world.num_nodes)
+        idle[..., 0] = 0
+        planner._follow = lambda *_: idle  # in place of a tour, which would be better
+        found = planner.plan(state, warm=[Script(good)])
+        assert found.age_sum == pytest.approx(age_sum(world, state, found.actions))
+        assert np.array_equal(found.actions, good)
 
     @pytest.mark.slow
     def test_known_plans_stay_in_the_beam(self, name, changes):

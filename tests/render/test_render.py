@@ -264,6 +264,18 @@ def test_text_says_which_auv_it_was():
     assert {"A", "B", "C"} <= set("".join(map_places(text)))
 
 
+def test_text_and_picture_of_auvs_that_name_nobody(fdd):
+    nobody = np.array([fdd.num_nodes])
+    text = as_text(replace(fdd, charged=nobody, heard=nobody, delivered=np.array([False])))
+    assert not any(re.search("[a-z]{4}", row) for row in rows_of_nodes(text).values())
+    assert re.search("charged -    heard -    nobody asked", text)
+    heard = replace(fdd, charged=nobody, heard=np.array([2]), delivered=np.array([True]))
+    assert heard.charging() == []
+    assert heard.hearing() == [(0, 2, True)]
+    pictures = [as_picture(s) for s in (heard, replace(heard, heard=nobody))]
+    assert (pictures[0] != pictures[1]).any()
+
+
 def test_text_before_the_first_slot_marks_nothing():
     text = as_text(situation("first"))
     assert "slot 0/100" in text

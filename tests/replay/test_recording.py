@@ -49,6 +49,39 @@ def test_recording_holds_every_state_and_event(scenario):
     assert place == recording.slots == recording.num_slots
 
 
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_nobody_is_0(scenario, tmp_path):
+    overrides = {"auvs.idle_choices": True}
+    recording = record_policy(scenario, "random-walk", 7, overrides=overrides)
+    world = World(scenario, overrides=overrides)
+    nobody = world.num_nodes
+    slots = list(play(world, make_baseline("random-walk"), 7))
+    for place, (state, events) in enumerate(slots[1:], start=1):
+        heard, charged = recording.heard[place - 1], recording.charged[place - 1]
+        assert np.array_equal(heard == 0, events.heard[0] == nobody)
+        assert (charged[events.charged[0] == nobody] == 0).all()
+        for auv in np.flatnonzero(heard == 0):
+            assert recording.reason(place - 1, auv).code == "nobody_asked"
+        assert np.array_equal(recording.deliveries[place], state.deliveries[0])
+        ours, theirs = recording.snapshot(place), Snapshot.from_world(world, state, events)
+        assert ours.charging() == theirs.charging()
+        assert ours.hearing() == theirs.hearing()
+        assert {auv for auv, *_ in ours.hearing()} == set(np.flatnonzero(heard))
+    assert 0 < np.count_nonzero(recording.asked) < recording.heard.size
+    recording.save(tmp_path / "episode.json")
+    assert not same(recording, Recording.load(tmp_path / "episode.json"))
+    drawn = Trajectory.from_recording(recording)
+    assert not np.array(drawn.delivered)[np.array(drawn.heard) == 0].any()
+
+
+def test_a_packet_from_nobody_is_a_fault(data):
+    slot, auv = np.argwhere(np.array(data["outcome"]) == 0)[0].tolist()
+    wrong = changed(data, f"heard.{slot}.{auv}", 0)
+    place = rf"outcome\[{slot + 1}, {auv + 1}\]"
+    with pytest.raises(InputError, match=f"^recording: {place} is a packet that arrived, but"):
+        Recording.from_json(wrong)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_snapshots_are_those_of_the_world(scenario):

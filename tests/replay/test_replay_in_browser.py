@@ -2,6 +2,7 @@
 
 import io
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -340,5 +341,35 @@ def test_maps_stand_in_where_there_is_no_webgl(browser, recordings, tmp_path):
     watched.page.keyboard.press("End")
     assert place(watched.page) == SLOTS
     assert watched.page.locator(".flat svg").first.is_visible()
+    assert watched.complaints == []
+    watched.context.close()
+
+
+@pytest.mark.parametrize("scenario", ["multi/m2-k10-fdd", "best/k5-tdd"])
+def test_an_auv_that_names_nobody_says_so_and_has_failed_in_nothing(browser, tmp_path, scenario):
+    overrides = {**SHORT, "auvs.idle_choices": True}
+    recording = record_policy(scenario, "random-walk", 3, overrides=overrides)
+    # Often: a third of what is charged and heard.
+    idle = np.random.default_rng(0).random(recording.heard.shape) < 0.3
+    heard, outcome = recording.heard.copy(), recording.outcome.copy()
+    codes = [reason.code for reason in recording.reasons]
+    heard[idle & (outcome != 0)] = 0
+    outcome[heard == 0] = codes.index("nobody_asked") + 1
+    recording = replace(recording, heard=heard, outcome=outcome)
+    path = tmp_path / "page.html"
+    path.write_text(render_page([recording]), encoding="utf-8")
+    watched = Watched(browser, path.as_uri(), color_scheme="light")
+    page = watched.page
+    for slot in range(recording.slots):
+        page.keyboard.press("ArrowRight")
+        for auv, text in enumerate(rows(page, recording.policy)):
+            assert ("nobody was asked for a packet" in text) == (heard[slot, auv] == 0)
+            assert ("✗" in text or "✓" in text) == (heard[slot, auv] > 0)
+            named = np.count_nonzero([heard[slot, auv], recording.charged[slot, auv]])
+            assert text.count("nobody") - text.count("nobody was") == 2 - named
+    links = recording.asked.sum()
+    tally = page.locator(".tally").inner_text()
+    assert f"{recording.delivered.sum()} of {links} uplinks arrived" in tally
+    assert f"Nobody asked: {recording.heard.size - links} ×." in tally
     assert watched.complaints == []
     watched.context.close()

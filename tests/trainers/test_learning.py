@@ -23,6 +23,12 @@ VARIANTS = {
         "training.normalise_value": False,
         "training.normalise_advantage": False,
     },
+    "nobody as a choice": {"auvs.idle_choices": True, "training.node_network": True},
+    "nobody as a choice, tdd, masks": {
+        "auvs.idle_choices": True,
+        "duplex.kind": "tdd",
+        "training.mask_actions": True,
+    },
     "masks, relu, early stop": {
         "training.mask_actions": True,
         "training.activation": "relu",
