@@ -305,6 +305,7 @@ class Collector:
         """
         states = [
             dict.fromkeys(STORE_FIELDS, one["state"]["age"][:, :0])
+            | {"unasked": self._none_of(one)}
             | one["state"]
             | {"sums": self._sums_of(one)}
             for one in saved
@@ -323,4 +324,9 @@ class Collector:
     def _sums_of(self, saved: dict[str, Any]) -> Tensor:
         none = torch.zeros_like(saved["state"]["mean_age"])
         sums = [saved.get("sums", {}).get(m.name, none) for m in self.world.summed]
-        return torch.stack(sums, dim=-1) if sums else none[:, None][:, :0]
+        return torch.stack(sums, dim=-1) if sums else self._none_of(saved)
+
+    @staticmethod
+    def _none_of(saved: dict[str, Any]) -> Tensor:
+        """No columns, (envs, 0): of what there was not when it was made."""
+        return torch.zeros_like(saved["state"]["mean_age"])[:, None][:, :0]

@@ -232,17 +232,26 @@ class World:
 
         cell, left_grid, blocked = self.motion.move(state.cell, action[..., 0])
 
-        named = self.addressed(state.node_cell, cell, charged, heard)
-        heard_index, heard_cell, heard_offset, charged_index, charged_offset, _, hears = named
+        (
+            heard_index,
+            heard_cell,
+            heard_offset,
+            charged_index,
+            charged_offset,
+            charges,
+            hears,
+        ) = self.addressed(state.node_cell, cell, charged, heard)
         stored_j = nodes.gather(state.energy_j, heard_index)
-        split = self.split(named, stored_j)
+        split = self.duplex.split(charged_offset, heard_offset, stored_j)
+        if charges is not None:
+            split = self.without_idle(split, charges)
         # Eq. `E harvested`; a node charged by two AUVs gets both.
         harvested_j = link.at(link.harvested_w, charged_offset) * split.charging_s
         come_j = nodes.scatter_add(state.energy_j, charged_index, harvested_j)
         available_j = self.storage.filled(come_j)
 
         heard_available_j = nodes.gather(available_j, heard_index)
-        sends = self.sends(named, split, come_j, heard_available_j)
+        sends = self.sends(split, heard_index, hears, come_j, heard_available_j)
         request = Request(cell, heard, heard_cell, sends, heard_available_j, heard_offset)
         delivered, spent_j = self.access(request, split)
         # At the root of the energy balance rounding may ask for more than there is.
@@ -321,38 +330,37 @@ class World:
             heard_index, heard_cell, heard_offset, charged_index, charged_offset, charges, hears
         )
 
-    def split(self, named: Addressed, stored_j: Array) -> Split:
-        """How the AUVs' slots are split.
-
-        Args:
-            named: the nodes that they name.
-            stored_j: (envs, auvs) energy of the node heard at the start of the slot.
-        """
-        split = self.duplex.split(named.charged_offset, named.heard_offset, stored_j)
-        if named.charges is None:
-            return split
+    def without_idle(self, split: Split, charges: Array) -> Split:
+        """The split of slots in which only AUVs that charge somebody, (envs, auvs) bool, do so."""
         xp, nothing = self.backend.xp, self._nothing
         return split._replace(
-            beta=xp.where(named.charges, split.beta, nothing),
-            charging_s=xp.where(named.charges, split.charging_s, nothing),
+            beta=xp.where(charges, split.beta, nothing),
+            charging_s=xp.where(charges, split.charging_s, nothing),
         )
 
-    def sends(self, named: Addressed, split: Split, come_j: Array, available_j: Array) -> Array:
+    def sends(
+        self,
+        split: Split,
+        heard_index: Array,
+        hears: Array | None,
+        come_j: Array,
+        heard_available_j: Array,
+    ) -> Array:
         """Whether the nodes heard send, (envs, auvs) bool: as the duplex part says, if they can.
 
         Args:
-            named: the nodes that the AUVs name.
-            split: of their slots.
+            split: the slot's split.
+            heard_index, hears: which nodes are heard, see `Addressed`.
             come_j: (envs, nodes) energy after charging, before a store spills any.
-            available_j: (envs, auvs) energy of the nodes heard after that.
+            heard_available_j: (envs, auvs) energy of the nodes heard after that.
         """
-        sends = self.duplex.sends(split, available_j)
-        if named.hears is not None:
-            sends = sends & named.hears
+        sends = self.duplex.sends(split, heard_available_j)
+        if hears is not None:
+            sends = sends & hears
         if not self.storage.is_limited:
             return sends
-        heard_come_j = self.nodes.gather(come_j, named.heard_index)
-        return self.storage.permits(sends, split.required_j, heard_come_j, available_j)
+        heard_come_j = self.nodes.gather(come_j, heard_index)
+        return self.storage.permits(sends, split.required_j, heard_come_j, heard_available_j)
 
     def _number_unasked(self, hears: Array) -> Array:
         """How many AUVs hear nobody, (envs, 1) floats."""

@@ -38,6 +38,7 @@ def draw_settings(rng: np.random.Generator) -> tuple[str, Settings]:
             "speed_m_per_s": speed,
             "motion": one_of("six", "hover"),
             "separation_cells": one_of(0, 0.5, 1, 1, 1, 1.5, 2),
+            "idle_choices": one_of(False, False, True),
         },
         "age": {"initial": 1, "maximum": one_of(1, 2, 5, 50, 1000)},
         "charging.power_w": one_of(1.0, 500.0, 2000.0, 1e5),

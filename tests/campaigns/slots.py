@@ -94,9 +94,12 @@ class Laws:
         law("who is not blocked arrives", events.blocked | ~inside | arrives)
 
     def _energies(self, before: Any, after: Any, events: Any) -> None:
-        link = self.world.link
-        offset = link.offset(after.cell, np.take_along_axis(after.node_cell, events.charged, 1))
-        harvest_j = link.harvested_w[offset] * link.slot_s
+        link, nobody = self.world.link, self.world.num_nodes
+        # Nobody harvests nothing and spends nothing: which node stands for it does not matter.
+        charged, heard = (np.minimum(n, nobody - 1) for n in (events.charged, events.heard))
+        offset = link.offset(after.cell, np.take_along_axis(after.node_cell, charged, 1))
+        harvest_j = link.harvested_w[offset] * link.slot_s * (events.charged < nobody)
+        law("nobody spends nothing", (events.heard < nobody) | (events.spent_j == 0))
         if self.scenario.duplex.kind == "tdd":
             low, high = self.scenario.duplex.beta_min, self.scenario.duplex.beta_max
             beta = events.beta
@@ -106,11 +109,11 @@ class Laws:
             law("β in FDD", events.beta == 0)
         close("what is harvested", events.harvested_j, harvest_j)
         come_j = before.energy_j.copy()
-        np.add.at(come_j, (self.env, events.charged), events.harvested_j)
+        np.add.at(come_j, (self.env, charged), events.harvested_j)
         available_j = np.minimum(come_j, self.store.get("capacity_j", np.inf))
         close("charging adds what is harvested", available_j, events.available_j)
         spent_j = np.zeros_like(available_j)
-        np.add.at(spent_j, (self.env, events.heard), events.spent_j)
+        np.add.at(spent_j, (self.env, heard), events.spent_j)
         law("energies are not negative", (after.energy_j >= 0).all(-1))
         law("nothing negative is spent", events.spent_j >= 0)
         left_j = available_j - spent_j
@@ -137,12 +140,15 @@ class Laws:
 
     def _uplinks(self, before: Any, after: Any, events: Any, mask: Any) -> None:
         access, delivered = self.scenario.channel.access.kind, events.delivered
+        num_nodes = self.world.num_nodes
+        heard = np.minimum(events.heard, num_nodes - 1)
+        law("nobody delivers nothing", (events.heard < num_nodes) | ~delivered)
         served = np.zeros_like(after.deliveries)
-        np.add.at(served, (self.env, events.heard), delivered)
+        np.add.at(served, (self.env, heard), delivered)
         law("a node delivers once", served <= 1)
         law("deliveries are counted", after.deliveries == before.deliveries + served)
         law("who delivers pays", ~delivered | (events.spent_j > 0) | (events.beta > 0))
-        available_j = np.take_along_axis(events.available_j, events.heard, 1)
+        available_j = np.take_along_axis(events.available_j, heard, 1)
         law("no more is spent than there is", events.spent_j <= available_j * (1 + 1e-9))
         law("who only charges delivers nothing", ~delivered | (events.beta < 1))
         if access == "exclusive":
@@ -151,10 +157,10 @@ class Laws:
             law("nothing is spent for nothing", delivered | (events.spent_j == 0))
         if self.scenario.duplex.kind == "fdd":
             link = self.world.link
-            heard_cell = np.take_along_axis(after.node_cell, events.heard, 1)
+            heard_cell = np.take_along_axis(after.node_cell, heard, 1)
             price_j = link.slot_uplink_j[link.offset(after.cell, heard_cell)]
             law("an uplink is paid", ~delivered | (available_j > price_j))
-            hears = mask[..., -self.world.num_nodes :]
+            hears = mask[..., -self.world.action_sizes[-1] :]
             may = np.take_along_axis(hears, events.heard[..., None], 2)[..., 0]
             law("what is masked could not have paid", may | ~delivered)
 

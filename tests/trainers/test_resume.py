@@ -422,3 +422,15 @@ def test_resumed_run_takes_no_other_seed(iout, tmp_path):
     status, _, err = iout("train", "best/k3-fdd", "--resume", tmp_path, "--seed", 3)
     assert status == 2
     assert "--seed: a resumed run continues with its own seed" in err
+
+
+def test_a_state_of_before_there_was_nobody_to_name_is_continued(tiny):
+    first, second = Trainer(tiny(), 0), Trainer(tiny(), 1)
+    first.iterate()
+    saved = first.state_dict()
+    del saved["collector"]["state"]["unasked"]
+    second.load_state_dict(saved)
+    first.iterate()
+    second.iterate()
+    expected = first.weights()
+    assert all(torch.equal(tensor, expected[name]) for name, tensor in second.weights().items())
