@@ -43,19 +43,26 @@ class NodeAttention(nn.Module):
 
 
 class Actor(nn.Module):
-    """Logits of the directions from all nodes together, those of nodes from each node's own."""
+    """Logits of nodes from each node's own, those of directions and of nobody from all together."""
 
     def __init__(self, sizes: parts.NetworkSizes, width: int) -> None:
         super().__init__()
         self.body = NodeAttention(sizes, width)
         self.direction = nn.Linear(width, sizes.action_sizes[0])
-        self.node = nn.Linear(width, len(sizes.action_sizes) - 1)
+        entries = len(sizes.action_sizes) - 1
+        self.node = nn.Linear(width, entries)
+        num_nodes = sizes.node_entries[0].stop - sizes.node_entries[0].start
+        names_nobody = sizes.action_sizes[-1] > num_nodes
+        self.nobody = nn.Linear(width, entries) if names_nobody else None
 
     def forward(self, inputs: Tensor) -> Tensor:
         """(…, choices) of (…, entries)."""
         nodes = self.body(inputs.flatten(0, -2))
-        logits = [self.direction(nodes.mean(1)), *self.node(nodes).unbind(-1)]
-        return torch.cat(logits, dim=-1).reshape(*inputs.shape[:-1], -1)
+        together, by_node = nodes.mean(1), self.node(nodes).mT  # (samples, entries, nodes)
+        if self.nobody is not None:  # `auvs.idle_choices`
+            by_node = torch.cat([by_node, self.nobody(together)[..., None]], dim=-1)
+        logits = torch.cat([self.direction(together), by_node.flatten(1)], dim=-1)
+        return logits.reshape(*inputs.shape[:-1], -1)
 
 
 class Critic(nn.Module):
