@@ -324,13 +324,13 @@ class TestRefused:
 
     def test_mask(self, world, trained):
         masked = trained(world(2), use_mask=True)
-        with pytest.raises(InputError, match=r"mask: expected shape \(10,\), not \(4,\)"):
+        with pytest.raises(InputError, match=r"mask: expected shape \(12,\), not \(4,\)"):
             masked.predict(np.zeros(16), [1, 0, 1, 1])
         with pytest.raises(InputError, match=r"was trained with masks .*: give mask="):
             masked.predict(np.zeros(16))
         two = {"auv_0": np.zeros(16), "auv_1": np.zeros(16)}
         with pytest.raises(InputError, match="some agents have a mask, but not all"):
-            masked.predict(two, {"auv_0": np.ones(10)})
+            masked.predict(two, {"auv_0": np.ones(12)})
 
     def test_state_policies_want_the_environment(self, world):
         policy, env = make_baseline("greedy"), iout_v0.parallel_env(world())
