@@ -392,6 +392,12 @@ CASES = {
     "nobody-tdd": Case(
         "paper/k3-tdd", TDD | IDLE_TDD, {"reward.only_transmitting_penalty": 3.0, **NOBODY}
     ),
+    "nobody-capacitors-fdd": Case(
+        "paper/k5-fdd", FDD | SLEEPERS | IDLE_FDD, {**CAPACITOR, **NOBODY}
+    ),
+    "nobody-capacitors-tdd": Case(
+        "best/k5-tdd", TDD | STORES | IDLE_TDD, {**CAPACITOR, **NOBODY, **THREE_AUVS}
+    ),
     "nobody-stored": Case("best/k3-tdd", TDD | IDLE_TDD, NOBODY),
     "nobody-three-auvs-fdd": Case(
         "paper/k5-fdd",
