@@ -1,5 +1,6 @@
 """Fixtures of all tests: one thread, a scenario that is small in every respect, `iout`."""
 
+import gc
 import os
 import signal
 import sys
@@ -15,6 +16,7 @@ from iout_marl.cli import main
 from iout_marl.registry import registries
 from iout_marl.report.registry import report_named
 
+ROOT = Path(__file__).parents[1]
 #: Before what is installed, in this process (see `pyproject.toml`) and in those that it starts.
 STUBS = str(Path(__file__).parent / "stubs")
 
@@ -35,6 +37,12 @@ OF_POSIX = [
 collect_ignore = OF_POSIX if os.name == "nt" else []
 #: Where tests of a marker can run.
 SYSTEMS = {"posix": os.name == "posix", "linux": sys.platform == "linux"}
+
+
+def pytest_collection_finish():
+    """Let the collector of garbage pass over what has been imported, once and for all."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_report_header():
@@ -89,6 +97,13 @@ def forgotten_metrics():
             metrics.unregister(metric.name)
 
 
+def is_of_a_user(module):
+    """Whether a module is neither installed nor part of this project."""
+    path = getattr(module, "__file__", None)
+    homes = (sys.prefix, sys.base_prefix, *(ROOT / name for name in ("iout_marl", "trainers")))
+    return path is not None and not any(Path(path).is_relative_to(home) for home in homes)
+
+
 @pytest.fixture
 def forgotten_parts(monkeypatch):
     """For a test that registers parts or imports them: they are forgotten after it."""
@@ -102,7 +117,7 @@ def forgotten_parts(monkeypatch):
         for kind in set(registry.kinds) - known:
             registry.unregister(kind)
     for name in set(sys.modules) - modules:
-        if name.partition(".")[0] not in ("iout_marl", "trainers", "torch"):
+        if is_of_a_user(sys.modules[name]):
             del sys.modules[name]
 
 
