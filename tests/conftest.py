@@ -51,10 +51,13 @@ def pytest_report_header():
 
 
 def pytest_collection_modifyitems(items):
-    """Mark what opens a browser, and skip what this system lacks the means for."""
+    """Mark what opens a browser or needs the site, skip what this system lacks the means for."""
     for item in items:
-        if "browser" in getattr(item, "fixturenames", ()):
+        fixtures = getattr(item, "fixturenames", ())
+        if "browser" in fixtures:
             item.add_marker(pytest.mark.browser)
+        if "site" in fixtures:  # which takes a while to build
+            item.add_marker(pytest.mark.slow)
         for name, is_here in SYSTEMS.items():
             if not is_here and item.get_closest_marker(name):
                 item.add_marker(pytest.mark.skip(reason=f"needs what only {name} systems have"))

@@ -16,6 +16,7 @@ from iout_marl.replay.film import TRAIL_SLOTS, frame, frames
 SHORT = {"episode.duration_s": 100}
 #: imageio-ffmpeg leaves pipes to ffmpeg to be closed by Python.
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]

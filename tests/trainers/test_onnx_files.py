@@ -19,6 +19,8 @@ from trainers.factory import make_network
 from trainers.onnx_file import onnx_file
 from trainers.trained import TrainedPolicy
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SHORT = {"episode.duration_s": 250}
 #: Between them all kinds of observations with all that may be in them, and all that networks are
