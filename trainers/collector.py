@@ -287,9 +287,11 @@ class Collector:
             for name, t in tensors.items()
         }
         sums = whole.pop("sums").unbind(-1)
-        if not self.world.storage.is_limited:
-            # So are the states of versions in which stores had no limits.
-            whole = {name: t for name, t in whole.items() if name not in STORE_FIELDS}
+        # Without what fields came for, states are those of versions before them.
+        later = [] if self.world.storage.is_limited else list(STORE_FIELDS)
+        if not self.world.idle_choices:
+            later.append("unasked")
+        whole = {name: t for name, t in whole.items() if name not in later}
         names = [metric.name for metric in self.world.summed]
         return {
             "state": whole,

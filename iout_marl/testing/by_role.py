@@ -181,8 +181,12 @@ def check_storage(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
     gained_j = np.zeros_like(start_j)
     for slot, action in enumerate(actions_for(world, seeds[0])):
         state, events = world.step(state, action)
-        np.add.at(gained_j, (env, events.charged), events.harvested_j)
-        np.add.at(gained_j, (env, events.heard), -events.spent_j)
+        # Whoever names nobody moves no energy.
+        charged, heard = (
+            np.minimum(named, world.num_nodes - 1) for named in (events.charged, events.heard)
+        )
+        np.add.at(gained_j, (env, charged), events.harvested_j)
+        np.add.at(gained_j, (env, heard), -events.spent_j)
         lost_j = state.spilled_j + state.leaked_j + state.idle_j if part.is_limited else 0.0
         gap_j = np.abs(start_j + gained_j - lost_j - state.energy_j)
         assert (gap_j <= 1e-9 * (1 + np.abs(gained_j) + lost_j)).all(), (

@@ -209,7 +209,7 @@ class Permuted:
 
     def __init__(self, world: World, layout: Any, envs: int, rng: np.random.Generator) -> None:
         self.order = rng.permutation(world.num_nodes)
-        self.place = np.argsort(self.order)
+        self.place = np.append(np.argsort(self.order), len(self.order))  # nobody is nobody
         scenario = world.scenario
         if scenario.nodes.weights is not None:
             weights = tuple(scenario.nodes.weights[i] for i in self.order)

@@ -424,11 +424,13 @@ def test_resumed_run_takes_no_other_seed(iout, tmp_path):
     assert "--seed: a resumed run continues with its own seed" in err
 
 
-def test_a_state_of_before_there_was_nobody_to_name_is_continued(tiny):
-    first, second = Trainer(tiny(), 0), Trainer(tiny(), 1)
+@pytest.mark.parametrize("idle_choices", [False, True])
+def test_states_have_what_was_unasked_where_nobody_can_be_named(tiny, idle_choices):
+    scenario = tiny({"auvs.idle_choices": idle_choices})
+    first, second = Trainer(scenario, 0), Trainer(scenario, 1)
     first.iterate()
     saved = first.state_dict()
-    del saved["collector"]["state"]["unasked"]
+    assert ("unasked" in saved["collector"]["state"]) == idle_choices
     second.load_state_dict(saved)
     first.iterate()
     second.iterate()
