@@ -263,6 +263,8 @@ class Oracle:
         if scenario.grid.own_cell_distance == "mean":
             self.own_cell_m = mean_within(*edges(scenario))
         self.slot = 0
+        #: Of each AUV under way: its direction, and the slots until it arrives.
+        self.transit: list[tuple[int, int] | None] = [None for _ in self.auvs]
         self.age = [scenario.age.initial for _ in self.nodes]
         self.stores = Stores(self)
         self.energy_j = [self.stores.initial_j for _ in self.nodes]
@@ -332,22 +334,47 @@ class Oracle:
         """Eq. `direction`; a move out of the grid leaves the AUV where it is.
 
         AUVs whose moves end too near one another or swap cells stay, and those that would
-        run into one that stays, and so on.
+        run into one that stays, and so on. A long move is made at its end, one over several cells
+        cell by cell.
         """
-        targets = []
-        for auv, direction in enumerate(directions):
-            pairs = zip(self.auv_cells[auv], STEPS[direction], strict=True)
-            target = tuple(c + step for c, step in pairs)
-            inside = all(1 <= c <= n for c, n in zip(target, self.scenario.grid.cells, strict=True))
+        walks = []
+        for auv, named in enumerate(directions):
+            direction, slots_left = self.transit[auv] or (named, self.slots_and_cells(named)[0])
+            target, inside = self.ahead(auv, direction)
             # In a grid of one cell every direction stays.
             nowhere_to_go = tuple(self.scenario.grid.cells) == (1, 1, 1)
             self.events[auv].left_grid = not (inside or nowhere_to_go)
-            targets.append(target if inside else self.auv_cells[auv])
-        while stopped := self.collisions(targets):
-            for auv in stopped:
-                self.events[auv].blocked = True
-                targets[auv] = self.auv_cells[auv]
-        self.auv_cells = targets
+            is_over = slots_left == 1 or target == self.auv_cells[auv]
+            self.transit[auv] = None if is_over else (direction, slots_left - 1)
+            walks.append([direction] * self.slots_and_cells(direction)[1] if is_over else [])
+        while any(walks):
+            targets = [
+                self.ahead(auv, walk.pop())[0] if walk else self.auv_cells[auv]
+                for auv, walk in enumerate(walks)
+            ]
+            while stopped := self.collisions(targets):
+                for auv in stopped:
+                    self.events[auv].blocked = True
+                    targets[auv] = self.auv_cells[auv]
+                    walks[auv] = []
+            self.auv_cells = targets
+
+    def ahead(self, auv: int, direction: int) -> tuple[Cell, bool]:
+        """The next cell in a direction, and whether there is one."""
+        cell, sizes = self.auv_cells[auv], self.scenario.grid.cells
+        target = tuple(c + step for c, step in zip(cell, STEPS[direction], strict=True))
+        inside = all(1 <= c <= n for c, n in zip(target, sizes, strict=True))
+        return (target if inside else cell), inside
+
+    def slots_and_cells(self, direction: int) -> tuple[int, int]:
+        """How many slots a move takes, and how many cells it covers."""
+        way_m = math.hypot(
+            *(s * e for s, e in zip(STEPS[direction], edges(self.scenario), strict=True))
+        )
+        if self.scenario.episode.slot_s is None or not way_m:
+            return 1, 1
+        a_slot = self.scenario.auvs.speed_m_per_s * self.scenario.episode.slot_s / way_m
+        return math.ceil(round(1 / a_slot, 9)), max(math.floor(round(a_slot, 9)), 1)
 
     def collisions(self, targets: Sequence[Cell]) -> list[int]:
         """AUVs that move and must not."""

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from iout_marl.core.state import STORE_FIELDS
+from iout_marl.core.state import STORE_FIELDS, TRANSIT_FIELDS
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World, node_codes, redraws_every_episode
 from trainers.accel import Runtime
@@ -308,6 +308,7 @@ class Collector:
         states = [
             dict.fromkeys(STORE_FIELDS, one["state"]["age"][:, :0])
             | {"unasked": self._none_of(one)}
+            | dict.fromkeys(TRANSIT_FIELDS, one["state"]["cell"][:, :0])
             | one["state"]
             | {"sums": self._sums_of(one)}
             for one in saved

@@ -32,7 +32,7 @@ class Game(NamedTuple):
     Tables are (cells, levels) levels after; the number of levels stands for what cannot be.
     """
 
-    neighbours: Integers  # (cells, directions) the cell that each direction leads to
+    neighbours: Integers  # (cells, choices) where an AUV can be a slot later
     start: int  # the cell in which the AUV starts
     # Of every node, where two are named: the tables for charging, delivering, both; where one is:
     # those for naming it in vain and for naming it so that it delivers.
@@ -83,7 +83,7 @@ def finite_game(scenario: Scenario, levels_j: tuple[float, ...]) -> Game:
         )
     by_offset = _tables(world, offsets, levels_j)
     return Game(
-        neighbours=index[np.asarray(world.motion.neighbours(codes[:, None]))[:, 0]],
+        neighbours=index[np.asarray(world.motion.next_cells(codes[:, None]))[:, 0]],
         start=int(index[state.cell[0, 0]]),
         tables=[[table[row] for table in by_offset] for row in place],
         distance_m=world.link.distance_m[offsets][place],

@@ -27,7 +27,7 @@ class FiniteGame:
         scenario: the scenario.
         levels_j: (levels,) the stored energies in J.
         tables: what a slot does to a node's level, (nodes, cells, levels).
-        next_cells: (cells, directions) the cell that each direction leads to.
+        next_cells: (cells, choices) where an AUV can be a slot later.
         start: the cell in which the AUV starts.
         distance_m: (nodes, cells) distances in m.
     """
@@ -54,7 +54,7 @@ class FiniteGame:
             scenario=scenario,
             levels_j=levels_j,
             tables=make_tables(scenario, levels_j, tolerance_j(scenario, levels_j, harvest_j)),
-            next_cells=index[world.motion.neighbours(cells[:, None])[:, 0]],
+            next_cells=index[world.motion.next_cells(cells[:, None])[:, 0]],
             start=int(index[state.cell[0, 0]]),
             distance_m=world.link.at(world.link.distance_m, offset),
         )

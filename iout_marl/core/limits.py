@@ -60,7 +60,12 @@ def check_scenario(scenario: Scenario) -> None:
             f"an episode has 1 to {MOST_SLOTS:g}"
         )
     for key, value in (
-        ("grid.spacing_m over auvs.speed_m_per_s: a slot (s)", scenario.slot_s),
+        (
+            "episode.slot_s:"
+            if scenario.episode.slot_s
+            else "grid.spacing_m over auvs.speed_m_per_s: a slot (s)",
+            scenario.slot_s,
+        ),
         ("uplink.packet_bits:", scenario.uplink.part.packet_bits),
         ("uplink.bandwidth_hz:", scenario.uplink.part.bandwidth_hz),
     ):

@@ -14,13 +14,17 @@ from iout_marl.physics.arrays import Array
 
 #: Fields of a state that have no nodes where stores have no limits.
 STORE_FIELDS = ("spilled_j", "leaked_j", "idle_j", "asleep_slots")
+#: Fields of a state that have no AUVs where no move takes longer than a slot.
+TRANSIT_FIELDS = ("transit_slots", "course")
 
 
 class State(NamedTuple):
     """A batch of environments between two slots. Shapes are (envs, auvs, nodes) in this order."""
 
     slot: Array  # (envs,) int: slots that are over
-    cell: Array  # (envs, auvs) int: code of each AUV's cell, see `Grid`
+    cell: (
+        Array  # (envs, auvs) int: code of each AUV's cell, see `Grid`; under way the one it leaves
+    )
     node_cell: Array  # (envs, nodes) int: code of each node's cell
     age: Array  # (envs, nodes) float, slots: Age of Information A_k
     energy_j: Array  # (envs, nodes) float, J: energy stored
@@ -46,6 +50,9 @@ class State(NamedTuple):
     asleep_slots: Array  # (envs, nodes) float, count: slots that the node has slept through
     # What AUVs left undone; no column where they name a node in every slot.
     unasked: Array  # (envs, 1) float, count: slots, summed over AUVs, in which nobody was heard
+    # Moves that are not over; no columns where none takes longer than a slot.
+    transit_slots: Array  # (envs, auvs) int: slots until the move ends; 0 for nobody under way
+    course: Array  # (envs, auvs) int: its direction, or the one that was named last
     # What users' metrics add up; no columns where there are none.
     sums: Array  # (envs, metrics) float: each summed over the slots so far
 

@@ -55,7 +55,7 @@ class Simulator:
 
     def actions(self, state: State, direction: Integers) -> Integers:
         """Whole actions after (envs, auvs) directions, (urgency_exponents, envs, auvs, entries)."""
-        cell, _, _ = self.world.motion.move(state.cell, direction)
+        cell = self.world.motion.move(state, direction).cell
         nodes = greedy_action(self.world, state, cell, self.urgency_exponents)
         directions = np.broadcast_to(direction[..., None], (*nodes.shape[:-1], 1))
         return np.concatenate([directions, nodes], axis=-1)

@@ -144,17 +144,28 @@ class Scenario(Section):
             )
 
     def _check_slots(self) -> None:
+        slot_key = ("episode", "slot_s")
+        if self.episode.slot_s is None:
+            slot_key = ("grid", "spacing_m")
         if self.episode.duration_s < self.slot_s:
             raise invalid(
                 ("episode", "duration_s"),
                 f"must hold at least one slot of {self.slot_s:g} s",
-                beside=("grid", "spacing_m"),
+                beside=slot_key,
             )
         if self.episode.duration_s / self.slot_s > MAX_SLOTS:
             raise invalid(
                 ("episode", "duration_s"),
                 f"must hold at most {MAX_SLOTS:,} slots of {self.slot_s:g} s",
-                beside=("grid", "spacing_m"),
+                beside=slot_key,
+            )
+        edges_m = [m for m, n in zip(self.grid.edges_m, self.grid.cells, strict=True) if n > 1]
+        shortest_s = min(edges_m, default=0.0) / self.auvs.speed_m_per_s
+        if self.episode.duration_s < shortest_s:
+            raise invalid(
+                ("episode", "duration_s"),
+                f"must be as long as a move to the next cell, {shortest_s:g} s",
+                beside=("auvs", "speed_m_per_s"),
             )
 
     def _check_training(self) -> None:
@@ -247,10 +258,12 @@ class Scenario(Section):
 
     @property
     def slot_s(self) -> float:
-        """τ in s: the time the AUV takes for one cell along its longest edge.
+        """τ in s: `episode.slot_s`, or the time the AUV takes for one cell along its longest edge.
 
-        So every step along an axis fits into a slot.
+        By the latter every step along an axis fits into a slot.
         """
+        if self.episode.slot_s is not None:
+            return self.episode.slot_s
         return max(self.grid.edges_m) / self.auvs.speed_m_per_s
 
     @property

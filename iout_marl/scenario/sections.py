@@ -48,7 +48,8 @@ class Grid(Section):
     #: Cells along x, y and z.
     cells: Annotated[Cell, Plausible(1, 1000, "cells")]
     #: Edge of a cell; or its edges along x, y and z, of which three equal ones are the same as
-    #: that number. One slot is the time the AUV takes for the longest edge.
+    #: that number. One slot is the time the AUV takes for the longest edge, unless
+    #: `episode.slot_s` says otherwise.
     spacing_m: Annotated[SpacingField, Plausible(0.01, 10_000, "m")]
     #: Distance between an AUV and a node in the same cell, and between AUVs in it: `zero`, or the
     #: `mean` distance between two points drawn uniformly in the cell (0.6617 edges of a cube).
@@ -82,7 +83,7 @@ class Auvs(Section):
     #: one that counts AUVs means one at each of its own.
     count: Annotated[Count, Field(le=MAX_AUVS), Plausible(1, 100, "AUVs")] | None = None
     #: Speed of every AUV: with the longest edge of a cell it gives the length of a slot, in
-    #: which a step along a shorter edge is made more slowly.
+    #: which a step along a shorter edge is made more slowly, unless `episode.slot_s` does.
     speed_m_per_s: Annotated[Positive, Plausible(0.001, 30, "m/s")]
     #: The directions that an AUV can take. In a grid of one cell every direction stays.
     motion: Annotated[Settings, PartOf("motion", is_word=True)] = Field(
@@ -103,6 +104,11 @@ class Episode(Section):
 
     #: Navigation time T; an episode has as many slots as fit in it.
     duration_s: Annotated[Positive, Plausible(0.01, 1e8, "s")]
+    #: Length of a slot τ; null for the time that the AUV takes for the longest edge of a cell. With
+    #: one of its own a move may take several slots, or cover several cells in one.
+    slot_s: Annotated[Positive, Plausible(0.001, 1e5, "s")] | None = None
+
+    hash_defaults: ClassVar[dict[str, Any]] = {"slot_s": None}
 
 
 class Charging(Section):

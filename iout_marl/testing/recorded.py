@@ -19,7 +19,15 @@ MOST_SLOTS = 24
 OF_AUVS = {
     *("cell", "seen_age", "seen_energy_j", "seen_slot", "others_age", "others_deliveries"),
     *("left_grid", "blocked", "charged", "heard", "beta", "event harvested_j", "delivered"),
-    *("event spent_j", "reward", "observation", "entry", "entry of nodes"),
+    *(
+        "transit_slots",
+        "course",
+        "event spent_j",
+        "reward",
+        "observation",
+        "entry",
+        "entry of nodes",
+    ),
 }
 OF_NODES = {
     *("node_cell", "age", "energy_j", "deliveries", "seen_age", "seen_energy_j", "seen_slot"),

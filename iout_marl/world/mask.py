@@ -14,6 +14,8 @@ from iout_marl.world.motion import Mover
 class ActionMask:
     """Marks sensible choices: staying in the grid, hearing a node that may pay.
 
+    Of an AUV under way, whose direction is ignored, all directions but the first are masked out.
+
     Where an AUV names one node to charge and one to hear, as in FDD, the one heard is masked out
     only where it could not pay from any cell within one move, even if all AUVs charged it in the
     same slot, each from where it is best done. Where it names one for both, as in TDD, every node
@@ -46,7 +48,7 @@ class ActionMask:
         Nobody, where it is a choice, is always a sensible one.
         """
         xp = self._xp
-        inside = self._motion.stays_inside(state.cell)
+        inside = self._motion.sensible(state)
         shape = (*state.cell.shape, self._num_nodes)
         any_node = xp.broadcast_to(xp.ones_like(state.age, dtype=xp.bool)[:, None, :], shape)
         masks = [inside, any_node]
@@ -64,7 +66,7 @@ class ActionMask:
 
     def _may_pay(self, state: State) -> Array:
         link = self._link
-        reachable = self._motion.neighbours(state.cell)
+        reachable = self._motion.reachable(state)
         offset = link.offset(reachable[..., None], state.node_cell[:, None, None, :])
         charged_j = link.at(link.harvested_w, offset) * link.slot_s
         if self._sees_others:

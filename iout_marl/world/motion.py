@@ -1,15 +1,32 @@
-"""Motion: where a direction takes an AUV."""
+"""Motion: where a direction takes an AUV, and when."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from iout_marl.arrays.backend import Backend
 from iout_marl.core.grid import Grid
+from iout_marl.core.pace import Pace
+from iout_marl.core.state import State
 from iout_marl.physics.arrays import Array, lookup
+from iout_marl.scenario import Scenario
+
+
+class Moved(NamedTuple):
+    """What has become of the AUVs' moves at the end of a slot.
+
+    The last two are fields of the state: without columns where no move takes longer than a slot.
+    """
+
+    cell: Array  # (envs, auvs) int: codes of their cells
+    left_grid: Array  # (envs, auvs) bool: would have left the grid
+    blocked: Array  # (envs, auvs) bool: kept from moving by another AUV
+    transit_slots: Array  # (envs, auvs) int: slots until the move ends; 0 for nobody under way
+    course: Array  # (envs, auvs) int: its direction
 
 
 class Mover:
@@ -17,52 +34,98 @@ class Mover:
 
     In a grid of one cell there is nowhere to go: every direction stays, and none leaves the grid.
 
+    A move that takes several slots is made as a whole: until it ends the AUV counts as in the cell
+    that it leaves, and the directions named meanwhile are ignored. One that covers several cells
+    in a slot stops at the edge of the grid.
+
     Args:
-        grid: the grid.
-        steps: of each direction, the cells that it leads along x, y and z.
-        separation_cells: distance that any two AUVs keep; 0 for no rule.
+        scenario: the scenario: its motion, its pace and its separation.
+        grid: its grid.
         backend: arrays to work with.
+
+    Attributes:
+        pace: how its moves are made.
+        takes_slots: whether any of them takes longer than a slot.
     """
 
-    def __init__(
-        self, grid: Grid, steps: Sequence[Sequence[int]], separation_cells: float, backend: Backend
-    ) -> None:
-        self.steps = np.array(steps)
+    def __init__(self, scenario: Scenario, grid: Grid, backend: Backend) -> None:
+        self.steps = np.array(scenario.auvs.motion.part.steps)
         self.num_directions = len(self.steps)
+        self.pace = Pace.from_scenario(scenario)
+        self.takes_slots = self.pace.takes_slots
+        self._num_auvs = scenario.num_auvs
         self._backend = backend
         self._xp = backend.xp
-        neighbours, inside = _neighbour_tables(grid, self.steps)
-        self.neighbour = backend.integers(neighbours.reshape(-1))
+        next_cell, inside = _neighbour_tables(grid, self.steps)
+        self._next = backend.integers(next_cell.reshape(-1))
+        self._most_cells = int(self.pace.cells.max())
+        self._cells = backend.integers(self.pace.cells)
+        destination = _after_steps(next_cell, self.pace.cells)
+        self.neighbour = backend.integers(destination.reshape(-1))
         self._leads_outside = backend.xp.asarray(~inside.reshape(-1), device=backend.device)
+        # Who stays is not under way.
+        stays = destination == np.arange(grid.num_codes)[:, None]
+        self._slots = backend.integers(np.where(stays, 1, self.pace.slots).reshape(-1))
         self._per_cell = backend.integers(self.num_directions)
+        self._one = backend.integers(1)
         self._never = backend.xp.asarray(False, device=backend.device)  # noqa: FBT003
+        separation_cells = scenario.auvs.separation_cells
         self._keeps_apart = separation_cells > 0
         too_near = grid.offset_distances() < separation_cells * (1 - 1e-12)
         self._too_near = backend.xp.asarray(too_near, device=backend.device)
         self._origin = grid.offset_origin
 
-    def move(self, cell: Array, direction: Array) -> tuple[Array, Array, Array]:
+    def first(self, num_envs: int) -> dict[str, Array]:
+        """Fields of the first state of an episode."""
+        backend, columns = self._backend, self._num_auvs if self.takes_slots else 0
+        nothing = backend.xp.zeros(
+            (num_envs, columns), dtype=backend.xp.int64, device=backend.device
+        )
+        return {"transit_slots": nothing, "course": nothing}
+
+    def move(self, state: State, direction: Array) -> Moved:
         """One slot's moves (eq. `direction`), all at once; who would leave the grid stays.
 
         Of AUVs whose moves would end too near one another, or swap their cells, all that
         move stay; so do those whose moves would then end too near one that stays. The
-        order of the AUVs does not matter, and AUVs that were apart stay apart.
+        order of the AUVs does not matter, and AUVs that were apart stay apart. Moves over several
+        cells are made cell by cell, those of all AUVs in step, and who is stopped goes no further.
+        Who arrives after several slots and is stopped is back in the cell that it has left.
 
         Args:
-            cell: (envs, auvs) codes.
+            state: the state before the slot, of any number of environments.
             direction: (envs, auvs) indices of directions.
-
-        Returns:
-            the new cells, who would have left the grid, and who was kept from moving by
-            another AUV, (envs, auvs) each.
         """
+        xp, cell, transit_slots = self._xp, state.cell, state.transit_slots
+        course = state.course
+        if self.takes_slots:
+            under_way = transit_slots > 0
+            direction = course = xp.where(under_way, course, direction)
         index = cell * self._per_cell + direction
-        left_grid = lookup(self._xp, self._leads_outside, index)
-        target = lookup(self._xp, self.neighbour, index)
+        left_grid = lookup(xp, self._leads_outside, index)
+        target = lookup(xp, self.neighbour, index)
+        if self.takes_slots:
+            needed = xp.where(under_way, transit_slots, lookup(xp, self._slots, index))
+            target = xp.where(needed > self._one, cell, target)
+            transit_slots = needed - self._one
         if cell.shape[1] == 1 or not self._keeps_apart:
-            return target, left_grid, left_grid & self._never
-        new_cell = self._apart(cell, target)
-        return new_cell, left_grid, new_cell != target
+            return Moved(target, left_grid, left_grid & self._never, transit_slots, course)
+        if self._most_cells == 1:
+            new_cell = self._apart(cell, target)
+        else:
+            new_cell = self._apart_by_cells(cell, direction, target)
+        return Moved(new_cell, left_grid, new_cell != target, transit_slots, course)
+
+    def _apart_by_cells(self, cell: Array, direction: Array, target: Array) -> Array:
+        """Where moves over several cells end."""
+        xp, moves = self._xp, target != cell
+        num_cells = lookup(xp, self._cells, direction)
+        for done in range(self._most_cells):
+            ahead = lookup(xp, self._next, cell * self._per_cell + direction)
+            ahead = xp.where(moves & (num_cells > done), ahead, cell)
+            cell = self._apart(cell, ahead)
+            moves = moves & (cell == ahead)
+        return cell
 
     def _apart(self, cell: Array, target: Array) -> Array:
         """The targets of all that can move, the old cells of the others."""
@@ -90,9 +153,50 @@ class Mover:
         """Which directions keep an AUV in the grid: (envs, auvs, directions) bool."""
         return ~lookup(self._xp, self._leads_outside, self._every_direction(cell))
 
+    def sensible(self, state: State) -> Array:
+        """Which directions make sense: (envs, auvs, directions) bool.
+
+        Those that keep an AUV in the grid; of one that is under way, which ignores them, the first.
+        """
+        inside = self.stays_inside(state.cell)
+        if not self.takes_slots:
+            return inside
+        directions = self._xp.arange(self.num_directions, device=state.cell.device)
+        is_first = directions == 0
+        return self._xp.where(state.transit_slots[..., None] > 0, is_first, inside)
+
     def neighbours(self, cell: Array) -> Array:
-        """The cell that each direction leads to: (envs, auvs, directions) codes."""
+        """The cell that a move in each direction ends in: (envs, auvs, directions) codes."""
         return lookup(self._xp, self.neighbour, self._every_direction(cell))
+
+    def next_cells(self, cell: Array) -> Array:
+        """Where an AUV that was in a cell can be a slot later, more at most: (…, choices) codes.
+
+        Where moves take several slots, each may as well end at once, and the AUV stay.
+        """
+        neighbours = self.neighbours(cell)
+        if not self.takes_slots:
+            return neighbours
+        return self._xp.concat([neighbours, cell[..., None]], axis=-1)
+
+    def reachable(self, state: State) -> Array:
+        """Where an AUV is at the end of the slot by each direction: (envs, auvs, directions)."""
+        neighbours = self.neighbours(state.cell)
+        if not self.takes_slots:
+            return neighbours
+        xp, cell = self._xp, state.cell[..., None]
+        under_way, slots = state.transit_slots[..., None] > 0, state.transit_slots[..., None]
+        needed = lookup(xp, self._slots, self._every_direction(state.cell))
+        needed = xp.where(under_way, slots, needed)
+        neighbours = xp.where(under_way, self.heading(state)[..., None], neighbours)
+        return xp.where(needed > self._one, cell, neighbours)
+
+    def heading(self, state: State) -> Array:
+        """The cells that AUVs under way go to, and those that others are in: (envs, auvs)."""
+        if not self.takes_slots:
+            return state.cell
+        target = lookup(self._xp, self.neighbour, state.cell * self._per_cell + state.course)
+        return self._xp.where(state.transit_slots > 0, target, state.cell)
 
     def _every_direction(self, cell: Array) -> Array:
         """Index into the tables of each direction from each cell."""
@@ -116,3 +220,14 @@ def _neighbour_tables(
     is_inside = np.zeros(code.shape, dtype=np.bool_)
     is_inside[here] = inside | (grid.num_cells == 1)
     return code, is_inside
+
+
+def _after_steps(
+    next_cell: npt.NDArray[np.int64], counts: Sequence[int] | npt.NDArray[np.int64]
+) -> npt.NDArray[np.int64]:
+    """Where so many steps in each direction end, up to the edge: (codes, directions)."""
+    ends = next_cell.copy()
+    for direction, count in enumerate(counts):
+        for _ in range(int(count) - 1):
+            ends[:, direction] = next_cell[ends[:, direction], direction]
+    return ends

@@ -109,9 +109,7 @@ class World:
         self.backend = backend = Backend.from_library(library, dtype, device)
         self.grid = Grid.from_scenario(scenario)
         self.link = Link(scenario, self.grid, backend)
-        self.motion = Mover(
-            self.grid, scenario.auvs.motion.part.steps, scenario.auvs.separation_cells, backend
-        )
+        self.motion = Mover(scenario, self.grid, backend)
         self.idle_choices = scenario.auvs.idle_choices
         self.nodes = NodeAxis(
             num_envs, self.num_auvs, self.num_nodes, backend, idle_choices=self.idle_choices
@@ -202,6 +200,7 @@ class World:
             **self.view.first(self.num_envs),
             **self.credit.first(self.num_envs),
             unasked=backend.zeros((self.num_envs, int(self.idle_choices))),
+            **self.motion.first(self.num_envs),
             sums=backend.zeros((self.num_envs, len(self.summed))),
         )
 
@@ -230,7 +229,7 @@ class World:
         xp, link, nodes = self.backend.xp, self.link, self.nodes
         charged, heard = action[..., 1], action[..., -1]
 
-        cell, left_grid, blocked = self.motion.move(state.cell, action[..., 0])
+        cell, left_grid, blocked, transit_slots, course = self.motion.move(state, action[..., 0])
 
         (
             heard_index,
@@ -285,6 +284,8 @@ class World:
             harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
             spent_j=state.spent_j + _over_auvs(xp, spent_j),
             unasked=state.unasked if hears is None else state.unasked + self._number_unasked(hears),
+            transit_slots=transit_slots,
+            course=course,
             sums=state.sums,
             **stores,
             **self.view.after(state, cell, age, stores["energy_j"], heard_index, delivered),

@@ -11,7 +11,9 @@ from iout_marl.scenario.keys import all_keys, ranges, ranges_of
 
 #: The kinds that have between them every key with a range.
 WHOLE = [
-    load_scenario("paper/k3-fdd", {"auvs.count": 1, "nodes.weights": [1, 1, 1]}),
+    load_scenario(
+        "paper/k3-fdd", {"auvs.count": 1, "episode.slot_s": 20.0, "nodes.weights": [1, 1, 1]}
+    ),
     load_scenario(
         "best/k3-tdd",
         {

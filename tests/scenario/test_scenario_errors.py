@@ -193,6 +193,14 @@ LINES = {
         "training.rollout_slots: must give a rollout of 2 samples or more"
     ),
     "episode: {duration_s: 20}": "episode.duration_s: must hold at least one slot of 25 s",
+    "episode: {slot_s: 0}": "episode.slot_s: must be greater than 0, not 0",
+    "episode: {slot_s: 1e6}": "episode.slot_s: 1e+06 s is implausible: usual are ",
+    "episode: {slot_s: 60, duration_s: 50}": (
+        "episode.duration_s: must hold at least one slot of 60 s"
+    ),
+    "episode: {slot_s: 1, duration_s: 20}": (
+        "episode.duration_s: must be as long as a move to the next cell, 25 s (auvs.speed_m_per_s: "
+    ),
     "grid: {spacing_m: [100, 20]}": "grid.spacing_m[2]: is missing",
     "grid: {spacing_m: [1, 2, 3, 4]}": "grid.spacing_m: must list at most 3, not 4",
     "grid: {spacing_m: [100, 100, 0]}": "grid.spacing_m[2]: must be greater than 0, not 0",

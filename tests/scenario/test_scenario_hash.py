@@ -258,6 +258,7 @@ def test_scenario_of_a_run_folder_of_an_earlier_version(name, hash_then, world_h
     for key in (
         "  own_cell_distance: zero",
         "  idle_choices: false",
+        "  slot_s: null",
         "  optimizer: adam",
         "  network: mlp",
         "  kind: hydrophone",

@@ -109,6 +109,7 @@ def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> C
         seen["delivery" if event.delivered else "no delivery"] += 1
         seen["left grid"] += event.left_grid
         seen["kept apart"] += event.blocked
+        seen["under way"] += oracle.transit[auv] is not None
         charges, hears = (n != oracle.nobody for n in (event.charged, event.heard))
         seen["nobody charged"] += not charges and hears
         seen["nobody heard"] += charges and not hears

@@ -450,6 +450,22 @@ CASES = {
     "large-packets-stored": Case("best/k3-tdd", TDD, LARGE_PACKETS),
     "steep-packets": Case("paper/k3-tdd", TDD, STEEP_PACKETS),
     "steep-packets-stored": Case("best/k3-tdd", TDD, STEEP_PACKETS),
+    # Cells of 25 s: three slots a move; two cells a slot; along y the one and along z the other.
+    "short-slots-fdd": Case(
+        "paper/k3-fdd",
+        FDD | SHARED | {"under way"},
+        {"episode.slot_s": 10, "auvs.motion": "hover", **THREE_AUVS},
+    ),
+    "short-slots-tdd": Case("best/k3-tdd", TDD | {"under way"}, {"episode.slot_s": 12}),
+    "long-slots-fdd": Case(
+        "paper/k3-fdd", FDD | SHARED, {"episode.slot_s": 55, "age.maximum": 8, **THREE_AUVS}
+    ),
+    "long-slots-tdd": Case("best/k3-tdd", TDD, {"episode.slot_s": 80, "age.maximum": 6}),
+    "short-and-long-moves-fdd": Case(
+        "paper/k3-fdd",
+        FDD | SHARED | {"under way"},
+        {"episode.slot_s": 20, **FLAT_CELLS, **THREE_AUVS},
+    ),
     "other-hardware-fdd": Case(
         "paper/k3-fdd",
         FDD,

@@ -19,6 +19,7 @@ PARTS = st.fixed_dictionaries(
         "auvs.motion": st.sampled_from(["six", "hover"]),
         "auvs.separation_cells": st.sampled_from([0, 1, 3]),
         "auvs.idle_choices": st.booleans(),
+        "episode.slot_s": st.sampled_from([None, 7, 25, 60]),
         "channel.access": st.sampled_from(ACCESS),
         "observation.kind": st.sampled_from(["paper", "scaled"]),
         "observation.node_positions": st.booleans(),

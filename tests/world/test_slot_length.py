@@ -1,0 +1,117 @@
+"""Slots of a length of their own: moves over several slots, and over several cells in one."""
+
+import numpy as np
+import pytest
+import torch
+
+from iout_marl import World, load_scenario
+
+TEAM = {"auvs.start_cells": [[5, 5, 2], [5, 8, 2], [8, 5, 2]]}
+SHORT, LONG = {"episode.slot_s": 10}, {"episode.slot_s": 60}
+RIGHT, LEFT, UP = 0, 1, 2
+
+
+def coordinates(world, cell):
+    return (world.grid.coordinate_table()[cell] + 1).tolist()
+
+
+def moved(changes, *directions, name="paper/k3-fdd"):
+    """The world, and the states after slots in these directions, of all AUVs alike or of each."""
+    world = World(name, overrides=changes)
+    states = [world.reset()]
+    for direction in directions:
+        action = np.zeros((1, world.num_auvs, 3), dtype=np.int64)
+        action[..., 0] = direction
+        states.append(world.step(states[-1], action)[0])
+    return world, states
+
+
+def test_without_a_length_nothing_is_new():
+    plain = load_scenario("paper/k3-fdd")
+    assert load_scenario(plain, {"episode.slot_s": None}).hash == plain.hash
+    assert load_scenario(plain, {"episode.slot_s": 25}).hash != plain.hash
+    world, (state,) = moved({})
+    assert state.transit_slots.size == state.course.size == 0
+    assert world.motion.heading(state) is state.cell
+
+
+def test_the_length_that_follows_from_the_speed_may_be_written_out():
+    plain, same = (
+        World("paper/k3-fdd", 4),
+        World("paper/k3-fdd", 4, overrides={**LONG, "episode.slot_s": 25}),
+    )
+    state, other = plain.reset(), same.reset()
+    rng = np.random.default_rng(0)
+    for _ in range(plain.num_slots):
+        action = np.stack([rng.integers(0, n, (4, 1)) for n in plain.action_sizes], -1)
+        (state, _), (other, _) = plain.step(state, action), same.step(other, action)
+        for name in ("cell", "age", "energy_j", "deliveries", "age_sum", "transit_slots"):
+            assert np.array_equal(getattr(state, name), getattr(other, name)), name
+
+
+def test_a_long_move_ends_in_its_last_slot_and_ignores_directions_meanwhile():
+    # 25 s for a cell: three slots of 10 s.
+    world, states = moved(SHORT, RIGHT, LEFT, UP, UP)
+    cells = [coordinates(world, state.cell[0, 0]) for state in states]
+    assert cells == [[5, 5, 2]] * 3 + [[6, 5, 2]] * 2
+    assert [int(state.transit_slots[0, 0]) for state in states] == [0, 2, 1, 0, 2]
+    assert coordinates(world, world.motion.heading(states[1])[0, 0]) == [6, 5, 2]
+    assert coordinates(world, world.motion.heading(states[4])[0, 0]) == [6, 6, 2]
+
+
+def test_under_way_all_directions_but_the_first_are_masked_out():
+    world, states = moved(SHORT, LEFT, UP, UP)
+    masks = [world.action_mask(state)[0, 0, :6].tolist() for state in states]
+    only_first = [True] + [False] * 5
+    assert masks[1] == masks[2] == only_first
+    assert masks[0] == masks[3] == [True] * 6
+
+
+def test_who_would_leave_the_grid_stays_and_is_not_under_way():
+    world, states = moved({**SHORT, "auvs.start_cells": [[10, 1, 1]]}, RIGHT)
+    assert states[1].transit_slots == 0
+    assert coordinates(world, states[1].cell[0, 0]) == [10, 1, 1]
+
+
+def test_a_long_slot_covers_several_cells_up_to_the_edge():
+    world, states = moved({**LONG, "auvs.start_cells": [[7, 1, 1]]}, RIGHT, RIGHT, RIGHT)
+    assert [coordinates(world, s.cell[0, 0])[0] for s in states] == [7, 9, 10, 10]
+    assert states[0].transit_slots.size == 0
+
+
+def test_a_nearby_node_is_charged_from_where_the_auv_is_at_the_end_of_the_slot():
+    world = World("paper/k3-fdd", overrides={**SHORT, "auvs.start_cells": [[1, 1, 1]]})
+    state, action = world.reset(), np.zeros((1, 1, 3), dtype=np.int64)
+    harvested_j = []
+    for _ in range(4):
+        state, events = world.step(state, action)
+        harvested_j.append(float(events.harvested_j[0, 0]))
+        offset = world.link.offset(state.cell, state.node_cell[:, :1])
+        expected = world.link.at(world.link.harvested_w, offset) * 10
+        assert events.harvested_j == pytest.approx(expected)
+    assert harvested_j[0] == harvested_j[1] != harvested_j[2]
+
+
+@pytest.mark.parametrize("slot_s", [7, 12.5, 25, 60, 110])
+@pytest.mark.parametrize("separation", [1, 2.5])
+def test_auvs_that_were_apart_stay_apart_on_any_library(slot_s, separation):
+    changes = {**TEAM, "episode.slot_s": slot_s, "auvs.separation_cells": separation}
+    changes |= {"auvs.motion": "hover"}
+    world = World("paper/k3-fdd", 6, overrides=changes)
+    tensors = World("paper/k3-fdd", 6, torch, overrides=changes)
+    state, other, blocked = world.reset(), tensors.reset(), 0
+    rng, apart = np.random.default_rng(1), world.grid.offset_distances()
+    for _ in range(90):
+        action = np.stack([rng.integers(0, n, (6, 3)) for n in world.action_sizes], -1)
+        reachable = world.motion.reachable(state)
+        chosen = np.take_along_axis(reachable, action[..., :1], -1)[..., 0]
+        state, events = world.step(state, action)
+        other, _ = tensors.step(other, torch.as_tensor(action))
+        assert np.array_equal(np.where(events.blocked, state.cell, chosen), state.cell)
+        blocked += events.blocked.sum()
+        for name in ("cell", "transit_slots", "course"):
+            assert np.array_equal(getattr(state, name), np.asarray(getattr(other, name)))
+        for one, two in ((0, 1), (0, 2), (1, 2)):
+            between = state.cell[:, one] - state.cell[:, two] + world.grid.offset_origin
+            assert (apart[between] >= separation * (1 - 1e-9)).all()
+    assert blocked > 0 or separation == 1
