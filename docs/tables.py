@@ -44,7 +44,7 @@ def metrics_table() -> str:
             metric.definition,
             f"`{metric.tag}`",
         )
-        for metric in (*metrics.BUILTIN, *metrics.OF_STORES)
+        for metric in (*metrics.BUILTIN, *metrics.OF_SOME)
     ]
     return table(headings, (map(markdown_text, row) for row in rows))
 

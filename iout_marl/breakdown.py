@@ -85,7 +85,7 @@ class Tally:
 
     def __init__(self, world: World, state: State) -> None:
         self._world = world
-        self._cell = state.cell
+        self._cell, self._age = state.cell, state.age
         nodes, auvs = state.age.shape, state.cell.shape
         self._age_sum, self._peak_age = np.zeros(nodes), np.zeros(nodes)
         self._harvested_j, self._spent_j = np.zeros(nodes), np.zeros(nodes)
@@ -95,8 +95,9 @@ class Tally:
     def add(self, state: State, events: Events) -> None:
         """Take in a slot; `state` is that after it."""
         nodes, link = self._world.nodes, self._world.link
-        self._age_sum += state.age
-        np.maximum(self._peak_age, state.age, out=self._peak_age)
+        sampling = self._world.sampling
+        self._age_sum += sampling.counted(self._age, state.age)
+        np.maximum(self._peak_age, sampling.highest(self._age, state.age), out=self._peak_age)
         charged, heard = nodes.flat_index(events.charged), nodes.flat_index(events.heard)
         self._harvested_j = nodes.scatter_add(self._harvested_j, charged, events.harvested_j)
         self._spent_j = nodes.scatter_add(self._spent_j, heard, events.spent_j)
@@ -104,7 +105,7 @@ class Tally:
         self._moves += state.cell != self._cell
         self._packets += events.delivered
         self._delivered_j += events.harvested_j
-        self._cell = state.cell
+        self._cell, self._age = state.cell, state.age
 
     def result(self, state: State) -> Breakdown:
         """The figures of whole episodes; `state` is the last."""

@@ -526,15 +526,31 @@ class Oracle:
     def grow_older(self) -> None:
         """Eq. `AOI_CALC`, ages held at A_max; D_T(k) of eq. `jain fairness J`."""
         maximum = self.scenario.age.maximum
+        over_time, integral_of_ages = self.scenario.age.sampling == "packet_start", 0.0
         for node in self.nodes:
-            if any(event.delivered and event.heard == node for event in self.events):
-                self.age[node] = 1
+            before = self.age[node]
+            integral_of_ages += integral(lambda t, a=before: min(a + t, maximum), 0, 1)
+            if over_time:
+                self.peak_age = max(self.peak_age, min(before + 1, maximum))
+            takers = [a for a, e in enumerate(self.events) if e.delivered and e.heard == node]
+            if takers:
+                self.age[node] = self.packet_age(takers[0], node) if over_time else 1
                 self.deliveries[node] += 1
             else:
-                self.capped_ages += self.age[node] == maximum
-                self.age[node] = min(self.age[node] + 1, maximum)
-        self.age_sum += sum(self.age) / len(self.nodes)
-        self.peak_age = max(self.peak_age, *self.age)
+                self.capped_ages += before + 1 > maximum
+                self.age[node] = min(before + 1, maximum)
+        if over_time:
+            self.age_sum += integral_of_ages / len(self.nodes)
+        else:
+            self.age_sum += sum(self.age) / len(self.nodes)
+            self.peak_age = max(self.peak_age, *self.age)
+
+    def packet_age(self, auv: int, node: int) -> float:
+        """Slots from the start of a packet to its end, which is that of the slot."""
+        own_s = self.scenario.uplink.kind == "modem" and self.sound.modem_s(
+            self.distance_m(auv, node)
+        )
+        return (own_s or self.duration_s(auv)) / self.scenario.slot_s
 
     def jain(self) -> float:
         """Eq. `jain fairness J`; 0 before any delivery."""
@@ -603,7 +619,15 @@ class Oracle:
             "age_violations": self.capped_ages,
             "jain_violation": float(jain < self.scenario.fairness.minimum_jain),
             **self.stores.metrics(),
+            **self.seconds(),
         }
+
+    def seconds(self) -> dict[str, float]:
+        """Figures of worlds whose slots say little."""
+        scenario = self.scenario
+        if scenario.episode.slot_s is None and scenario.age.sampling == "slot_end":
+            return {}
+        return {"mean_aoi_s": self.age_sum / self.slot * scenario.slot_s}
 
     def observe(self) -> list[list[float]]:
         """What each AUV sees."""

@@ -34,7 +34,7 @@ class Notebook:
                 self.seen_energy_j[node] = oracle.energy_j[node]
                 self.seen_slot[node] = oracle.slot
             if takers and takers != [self.auv]:
-                self.age_without[node] = 1
+                self.age_without[node] = oracle.age[node]
                 self.deliveries_without[node] += 1
             else:
                 older = self.age_without[node] + 1

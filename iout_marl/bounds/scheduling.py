@@ -62,9 +62,15 @@ def least_age_sum(scenario: AnyScenario, *, overrides: Overrides = None) -> int:
         scenario, overrides: as for `load_scenario`.
 
     Raises:
-        InputError: no such scenario, or the sum may be too large for 64 bits.
+        InputError: no such scenario, its ages are no whole slots, or the sum may be too large for
+            64 bits.
     """
     scenario = load_scenario(scenario, overrides)
+    if scenario.age.is_continuous:
+        raise InputError(
+            f"age.sampling: {scenario.age.sampling}: bounds are for ages in whole slots, read "
+            "at the ends of slots (slot_end)"
+        )
     if scenario.num_nodes * scenario.num_slots * scenario.age.maximum > MOST_AGE_SUM:
         raise InputError(
             f"age.maximum: {scenario.num_slots:,} slots of so high ages cannot be added up in "

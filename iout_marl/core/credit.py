@@ -42,11 +42,12 @@ class Credit:
         nothing = self._backend.zeros((num_envs, *self._shape))
         return {"others_age": nothing + self._initial_age, "others_deliveries": nothing}
 
-    def after(self, state: State, place: Array, delivered: Array) -> dict[str, Array]:
+    def after(self, state: State, age: Array, place: Array, delivered: Array) -> dict[str, Array]:
         """Fields of the state after a slot.
 
         Args:
             state: the state before it.
+            age: (envs, nodes) ages after it.
             place: (envs, auvs) places of the nodes heard.
             delivered: (envs, auvs) bool, whether they delivered.
         """
@@ -59,10 +60,10 @@ class Credit:
         # A node delivers to one AUV at most, so that "to another" is "to any, but not to me".
         to_me = self._nodes.flags(place, delivered)
         by_others = xp.any(to_me, axis=1, keepdims=True) & ~to_me
-        age, _ = advance(xp, xp.where(by_others, 0.0, state.others_age), self._maximum_age)
+        older, _ = advance(xp, state.others_age, self._maximum_age)
         more = state.others_deliveries + 1
         return {
-            "others_age": age,
+            "others_age": xp.where(by_others, age[:, None, :], older),
             "others_deliveries": xp.where(by_others, more, state.others_deliveries),
         }
 

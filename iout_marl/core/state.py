@@ -31,8 +31,8 @@ class State(NamedTuple):
     deliveries: Array  # (envs, nodes) float, count: packets delivered so far, D_t(k)
     mean_age: Array  # (envs,) float, slots: mean age over nodes, (1/K) Σ A_k
     jain: Array  # (envs,) float: Jain's index of the deliveries so far, J_t
-    age_sum: Array  # (envs,) float, slots: mean age over nodes, summed over slots
-    peak_age: Array  # (envs,) float, slots: highest age of any node in any slot
+    age_sum: Array  # (envs,) float, slots: mean age over nodes, summed over slots, see `Sampling`
+    peak_age: Array  # (envs,) float, slots: highest age of any node in any slot, likewise
     capped_ages: Array  # (envs,) float, count: node-slots in which an age would pass A_max
     harvested_j: Array  # (envs,) float, J: energy harvested by all nodes so far
     spent_j: Array  # (envs,) float, J: energy spent on uplinks by all nodes so far

@@ -16,14 +16,16 @@ metrics come after the built-in ones, and are shown wherever those are:
         return xp.sum(events.harvested_j > 0, axis=1)
 """
 
-from iout_marl.metrics.builtin import BUILTIN, DRAWN, OF_STORES, TABLED
+from iout_marl.metrics.builtin import BUILTIN, DRAWN, OF_SOME, OF_STORES, OF_TIME, TABLED
 from iout_marl.metrics.metric import Metric
 from iout_marl.metrics.registry import curve_title, described, register, registered, unregister
 
 __all__ = [
     "BUILTIN",
     "DRAWN",
+    "OF_SOME",
     "OF_STORES",
+    "OF_TIME",
     "TABLED",
     "Metric",
     "curve_title",

@@ -191,6 +191,26 @@ BUILTIN = (
     ),
 )
 
+#: Of scenarios that set the length of a slot or read ages over time: seconds say there what slots
+#: do not. Elsewhere a slot follows from the grid, and records of before have no such metric.
+OF_TIME = (
+    Metric(
+        "mean_aoi_s",
+        lambda world, state: state.age_sum / world.slots_over(state) * world.link.slot_s,
+        definition="Age of Information, averaged over nodes and over the time of the episode.",
+        unit="s",
+        symbol="Ā τ",
+        heading="mean AoI s",
+        axis_title="Mean AoI in s",
+        title="Mean Age of Information in seconds",
+        tag="aoi/mean_s",
+        better="less",
+        low=0.0,
+        is_positive=True,
+        applies=lambda scenario: scenario.episode.slot_s is not None or scenario.age.is_continuous,
+    ),
+)
+
 #: Of scenarios whose stores have limits; elsewhere nothing is spilled or lost, and no node sleeps.
 OF_STORES = (
     Metric(
@@ -246,6 +266,9 @@ OF_STORES = (
         applies=_has_limited_stores,
     ),
 )
+
+#: Metrics that not every world has.
+OF_SOME = (*OF_TIME, *OF_STORES)
 
 #: What reports of any study draw over the axis, and what they table, in this order; metrics of
 #: users follow.

@@ -129,6 +129,22 @@ class Age(Section):
     initial: Slots = 1
     #: A_max: ages stop here, and each slot in which one would pass it is a violation.
     maximum: Slots = 50
+    #: When the data of a packet are from: `slot_end` makes a node that delivers 1 slot old at the
+    #: end of the slot, where ages are read; by `packet_start` it is as old as the packet, and mean
+    #: ages are over time.
+    sampling: Literal["slot_end", "packet_start"] = "slot_end"
+
+    hash_defaults: ClassVar[dict[str, Any]] = {"sampling": "slot_end"}
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether ages are read at all times, and are no whole slots."""
+        return self.sampling == "packet_start"
+
+    @property
+    def least(self) -> float:
+        """What no age is below, in slots."""
+        return 0.0 if self.is_continuous else 1.0
 
     @model_validator(mode="after")
     def _initial_within_maximum(self) -> Self:

@@ -16,6 +16,7 @@ from iout_marl.core.credit import Credit
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import MOST_ENVS, check_scenario
 from iout_marl.core.link import Link
+from iout_marl.core.sampling import Sampling
 from iout_marl.core.split import Split
 from iout_marl.core.state import Events, State
 from iout_marl.core.view import View
@@ -114,6 +115,7 @@ class World:
         self.nodes = NodeAxis(
             num_envs, self.num_auvs, self.num_nodes, backend, idle_choices=self.idle_choices
         )
+        self.sampling = Sampling(scenario, self.link, backend)
         self.view = View(scenario, self.link, self.nodes, backend)
         self.credit = Credit(scenario, self.nodes, backend)
         self.representation: Representation = scenario.observation.part
@@ -261,13 +263,19 @@ class World:
         # A node delivers to one AUV at most.
         packets = cast(xp, delivered, state.age.dtype)
         age_reset = -packets * nodes.gather(state.age, heard_index)
+        if self.sampling.is_continuous:
+            age_reset = age_reset + packets * self.sampling.reset_to(split, heard_offset)
         age, uncut = advance(
             xp, nodes.scatter_add(state.age, heard_index, age_reset), self._maximum_age
         )
-        # Whole numbers, whose sums are exact.
+        # Whole numbers, whose sums are exact, but for packets that are younger than a slot.
         total_age = nodes.sum(age)
-        clipped_age = nodes.sum(uncut) - total_age
-        mean_age = total_age / nodes.num_nodes
+        mean_age = counted_age = total_age / nodes.num_nodes
+        if self.sampling.is_continuous:
+            capped_ages = nodes.sum(cast(xp, uncut > age, age.dtype))
+            counted_age = nodes.sum(self.sampling.counted(state.age, age)) / nodes.num_nodes
+        else:
+            capped_ages = nodes.sum(uncut) - total_age
         deliveries = nodes.scatter_add(state.deliveries, heard_index, packets)
 
         new_state = State(
@@ -278,9 +286,9 @@ class World:
             deliveries=deliveries,
             mean_age=mean_age,
             jain=jain_index(xp, nodes.sum(deliveries), nodes.sum(deliveries**2), nodes.num_nodes),
-            age_sum=state.age_sum + mean_age,
-            peak_age=xp.maximum(state.peak_age, nodes.max(age)),
-            capped_ages=state.capped_ages + clipped_age,
+            age_sum=state.age_sum + counted_age,
+            peak_age=xp.maximum(state.peak_age, nodes.max(self.sampling.highest(state.age, age))),
+            capped_ages=state.capped_ages + capped_ages,
             harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
             spent_j=state.spent_j + _over_auvs(xp, spent_j),
             unasked=state.unasked if hears is None else state.unasked + self._number_unasked(hears),
@@ -289,7 +297,7 @@ class World:
             sums=state.sums,
             **stores,
             **self.view.after(state, cell, age, stores["energy_j"], heard_index, delivered),
-            **self.credit.after(state, heard_index, delivered),
+            **self.credit.after(state, age, heard_index, delivered),
         )
         events = Events(
             left_grid=left_grid,

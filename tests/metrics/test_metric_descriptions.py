@@ -16,7 +16,7 @@ from trainers import Trainer
 
 ROOT = Path(__file__).parents[2]
 #: Of every world, and of those whose stores have limits.
-ALL = (*metrics.BUILTIN, *metrics.OF_STORES)
+ALL = (*metrics.BUILTIN, *metrics.OF_SOME)
 
 
 class TestDescriptions:
@@ -52,6 +52,16 @@ class TestDescriptions:
         assert tuple(found.samples) == names
         assert all(found.metrics[metric.name].mean >= 0 for metric in metrics.OF_STORES)
         assert {metric.tag for metric in metrics.OF_STORES} <= set(Trainer(limited).iterate())
+
+    @pytest.mark.parametrize(
+        "changes", [{"episode.slot_s": 50.0}, {"age.sampling": "packet_start"}]
+    )
+    def test_of_time_are_those_of_worlds_whose_slots_say_little(self, tiny, changes):
+        found = evaluate(tiny(changes), "greedy", 1)
+        assert tuple(found.samples) == (*METRICS, "mean_aoi_s")
+        slot_s = tiny(changes).slot_s
+        assert found.metrics["mean_aoi_s"].mean == found.metrics["mean_aoi"].mean * slot_s
+        assert "aoi/mean_s" in Trainer(tiny(changes)).iterate()
 
     def test_lie_within_their_bounds(self, tiny):
         for name, values in evaluate(tiny(), "random-walk", 20).samples.items():

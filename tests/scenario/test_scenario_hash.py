@@ -45,7 +45,7 @@ WORDS = (
     "sonar", "fdd", "tdd", "paper", "stored", "mean_age", "scaled", "none", "info",
     "observation", "constant", "linear", "tanh", "relu", "running", "first_rollout",
     "orthogonal", "interference", "exclusive", "six", "hover", "team", "difference",
-    "own", "central", "adam", "AdamW", "mean", "airtime",
+    "own", "central", "adam", "AdamW", "mean", "airtime", "packet_start",
 )  # fmt: skip
 #: Names, keys with a single possible value, and a kind that needs other keys beside it.
 LEFT_OUT = {
@@ -259,6 +259,7 @@ def test_scenario_of_a_run_folder_of_an_earlier_version(name, hash_then, world_h
         "  own_cell_distance: zero",
         "  idle_choices: false",
         "  slot_s: null",
+        "  sampling: slot_end",
         "  optimizer: adam",
         "  network: mlp",
         "  kind: hydrophone",

@@ -466,6 +466,17 @@ CASES = {
         FDD | SHARED | {"under way"},
         {"episode.slot_s": 20, **FLAT_CELLS, **THREE_AUVS},
     ),
+    "packet-start-fdd": Case(
+        "paper/k3-fdd",
+        FDD | SHARED | {"helped by another"},
+        {"age.sampling": "packet_start", "reward.credit": "difference", **TWO_AUVS},
+    ),
+    "packet-start-tdd": Case(
+        "best/k3-tdd", TDD, {"age.sampling": "packet_start", "observation.view_range_m": 200}
+    ),
+    "packet-start-modem-fdd": Case(
+        "paper/k3-fdd", FDD | {"out of range"}, {"age.sampling": "packet_start", **MODEM}
+    ),
     "other-hardware-fdd": Case(
         "paper/k3-fdd",
         FDD,

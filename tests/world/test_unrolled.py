@@ -30,6 +30,7 @@ PARTS = st.fixed_dictionaries(
         "reward.credit": st.sampled_from(["team", "difference"]),
         "uplink.packet_bits": st.sampled_from([10000, 60000]),
         "age.maximum": st.sampled_from([5, 100]),
+        "age.sampling": st.sampled_from(["slot_end", "packet_start"]),
     },
 )
 PAPERS_REWARD = st.fixed_dictionaries(

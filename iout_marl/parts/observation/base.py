@@ -68,7 +68,7 @@ class Representation(Part):
         axes = backend.integers(np.arange(3) * grid.num_codes)
         self._axes = {2: axes[:, None, None], 3: axes[:, None, None, None]}
         self._size = np.array(grid.shape, dtype=np.float64)
-        self._maximum_age = float(scenario.age.maximum)
+        self._least_age, self._maximum_age = scenario.age.least, float(scenario.age.maximum)
         # All AUVs at the node, charging it alone through the whole episode.
         best_slot_j = float(link.budget.harvested_power_w(0.0)) * scenario.slot_s
         most_j = best_slot_j * scenario.num_slots * scenario.num_auvs
@@ -102,7 +102,9 @@ class Representation(Part):
 
     def age_ranges(self) -> Ranges:
         """Ranges of one age for each node."""
-        return Ranges.uniform(self._num_nodes, 1, self._maximum_age, self._maximum_age)
+        return Ranges.uniform(
+            self._num_nodes, self._least_age, self._maximum_age, self._maximum_age
+        )
 
     def energies(self, energy_j: Array) -> Array:
         """Stored energies in J."""
