@@ -48,6 +48,19 @@ class Pace(NamedTuple):
             np.where(rests, 1, slots).astype(np.int64), np.where(rests, 1, cells).astype(np.int64)
         )
 
+    def along_axes(self, steps: Integers) -> Pace:
+        """The pace along x, y and z; one cell a slot where no direction leads along an axis alone.
+
+        Args:
+            steps: (directions, 3) cells along x, y and z, of each direction.
+        """
+        slots, cells = np.ones(3, dtype=np.int64), np.ones(3, dtype=np.int64)
+        for step, *pace in zip(steps, self.slots, self.cells, strict=True):
+            if (step != 0).sum() == 1:
+                axis = int(np.flatnonzero(step)[0])
+                slots[axis], cells[axis] = pace[0], pace[1] * abs(step[axis])
+        return Pace(slots, cells)
+
     @property
     def takes_slots(self) -> bool:
         """Whether any move takes longer than a slot."""

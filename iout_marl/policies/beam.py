@@ -92,8 +92,7 @@ class BeamSearch:
             score = self._score(after, weights, len(route) - slot - 1)
             if known is not None:
                 score[0] = -np.inf
-            # Episodes that come to the same by other ways are one.
-            _, distinct = np.unique(score.round(6), return_index=True)
+            distinct = self._distinct(score, after)
             kept = np.resize(distinct[: self._width], self._width)
             actions.append(action[kept])
             parents.append(self._parents[kept])
@@ -103,6 +102,16 @@ class BeamSearch:
             found.append(action[child])
             child = int(parent[child])
         return np.array(found[::-1])
+
+    def _distinct(self, score: Floats, after: State) -> Integers:
+        """The best episode first; those that come to the same by other ways are one."""
+        motion, keys = self._simulator.world.motion, score.round(6)
+        if not motion.takes_slots:
+            return np.unique(keys, return_index=True)[1]
+        # AUVs that have set off for different cells are still in the same.
+        headed = [motion.heading(after), after.transit_slots]
+        keys = np.concatenate([keys[:, None], *headed], axis=1)
+        return np.unique(keys, axis=0, return_index=True)[1]
 
     def _expand(self, before: State, cells: Integers, rng: np.random.Generator) -> Integers:
         """The actions to try in a slot, (exponents · width · moves · choices, auvs, entries)."""
@@ -128,7 +137,7 @@ class BeamSearch:
     def _score(self, state: State, weights: Weights, slots_left: int) -> Floats:
         """Ages so far and to be expected, less what the stores are worth: (envs,)."""
         world = self._simulator.world
-        lacking = links(world, state.cell, state).missing_slots.min(axis=1)
+        lacking = links(world, world.motion.heading(state), state).missing_slots.min(axis=1)
         lasting = weights.lasting_slots + np.clip(lacking - 1, 0, weights.lacking_slots)
         to_come = (state.age * np.minimum(lasting, slots_left)).sum(-1)
         stores = np.log(state.energy_j + near_uplink_j(world)).sum(-1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,13 +16,24 @@ Points = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
 
+class Gait(NamedTuple):
+    """How AUVs go along the three axes.
+
+    `slots` and `cells` are (3,) each: slots that a move takes, and cells that it covers.
+    """
+
+    may_rest: bool  # whether an AUV may stay where it is
+    slots: Indices = np.ones(3, dtype=np.int64)
+    cells: Indices = np.ones(3, dtype=np.int64)
+
+
 def tours(
     nodes: Indices,
     starts: Indices,
     num_slots: int,
     shape: tuple[int, int, int],
-    *,
-    may_rest: bool,
+    gait: Gait,
+    waits: Indices | int = 0,
 ) -> Indices:
     """Routes of a fleet, a choice of them: every AUV round its share of the nodes.
 
@@ -32,10 +45,11 @@ def tours(
         starts: (auvs, 3) cells from 0.
         num_slots: how many slots to plan for.
         shape: cells of the grid along each axis.
-        may_rest: whether an AUV may stay where it is.
+        gait: how AUVs go.
+        waits: (auvs,) slots until they are at their starts.
 
     Returns:
-        (reaches, slots, auvs, 3) cells from 0 after each slot.
+        (reaches, slots, auvs, 3) cells from 0 that AUVs go to in each slot.
     """
     points = nodes.astype(np.float64)
     shares = assign_nodes(points, starts.astype(np.float64))
@@ -54,7 +68,8 @@ def tours(
         waypoints.reshape(-1, stops, 3),
         num_slots,
         shape,
-        may_rest=may_rest,
+        gait,
+        np.tile(np.broadcast_to(waits, len(starts)), len(REACHES)),
     )
     return cells.reshape(num_slots, len(REACHES), len(starts), 3).swapaxes(0, 1)
 
@@ -151,42 +166,48 @@ def walk(
     waypoints: Indices,
     num_slots: int,
     shape: tuple[int, int, int],
-    *,
-    may_rest: bool,
+    gait: Gait,
+    waits: Indices | int = 0,
 ) -> Indices:
     """Cells of walks round their waypoints, slot by slot, from the nearest waypoint on.
 
-    A step is along the axis of the longest way left, which keeps close to the straight line.
+    A move is along the axis of the longest way left, which keeps close to the straight line. Where
+    it covers several cells, a waypoint is reached where none brings the walk any nearer.
 
     Args:
         starts: (walks, 3) cells from 0.
         waypoints: (walks, stops, 3) cells of each walk in the order of its tour.
         num_slots: how many slots to walk.
         shape: cells of the grid along each axis.
-        may_rest: whether an AUV may stay where it is. If not, at a lone waypoint it
-            goes to and fro.
+        gait: how AUVs go. One that may not rest goes to and fro at a lone waypoint.
+        waits: (walks,) slots until they begin.
 
     Returns:
-        (slots, walks, 3) cells after each slot.
+        (slots, walks, 3) cells that they go to in each slot.
     """
     every, num_stops = np.arange(len(waypoints)), waypoints.shape[1]
     stop = np.abs(waypoints - starts[:, None, :]).sum(-1).argmin(-1)
     # To and fro along the longest axis, which has room for it if any has.
-    aside = np.eye(3, dtype=np.int64)[int(np.argmax(shape))]
+    aside = np.eye(3, dtype=np.int64)[int(np.argmax(shape))] * gait.cells
+    waits = np.broadcast_to(waits, len(waypoints))
     last = np.array(shape) - 1
     here, cells = starts, np.empty((num_slots, len(waypoints), 3), dtype=np.int64)
     for slot in range(num_slots):
         for _ in range(num_stops):  # waypoints of one cell are all reached at once
-            arrived = (waypoints[every, stop] == here).all(-1)
+            ways = np.abs(waypoints[every, stop] - here)
+            arrived = (2 * ways <= gait.cells).all(-1)
             stop = np.where(arrived, (stop + 1) % num_stops, stop)
         way = waypoints[every, stop] - here
-        axis = np.abs(way).argmax(-1)
+        far = 2 * np.abs(way) > gait.cells
+        axis = np.where(far, np.abs(way), 0).argmax(-1)
         step = np.zeros_like(way)
-        step[every, axis] = np.sign(way[every, axis])
-        if not may_rest:
+        step[every, axis] = (np.sign(way) * far * gait.cells)[every, axis]
+        if not gait.may_rest:
             rests = ~step.any(-1, keepdims=True)
             step = np.where(rests, np.where(here + aside > last, -aside, aside), step)
-        here = np.clip(here + step, 0, last)
+        is_free = waits == 0
+        here = np.where(is_free[:, None], np.clip(here + step, 0, last), here)
+        waits = np.where(is_free, np.where(step.any(-1), gait.slots[axis], 1), waits) - 1
         cells[slot] = here
     return cells
 

@@ -12,7 +12,7 @@ import numpy as np
 from iout_marl.errors import InputError
 from iout_marl.policies.beam import BeamSearch, Weights
 from iout_marl.policies.policy import Policy
-from iout_marl.policies.routes import tours
+from iout_marl.policies.routes import Gait, tours
 from iout_marl.policies.simulator import Integers, Plan, Simulator, rows, with_nodes
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World
@@ -130,15 +130,17 @@ class Planner:
         return Plan(with_nodes(plan.states, back), actions, plan.age_sum)
 
     def _tours(self, state: State) -> Integers:
-        """(tours, slots, auvs) codes of cells."""
+        """(tours, slots, auvs) codes of the cells that AUVs go to."""
         world = self._simulator.world
         table = world.grid.coordinate_table()
+        motion = world.motion
         routes = tours(
             table[np.sort(state.node_cell[0])],
-            table[state.cell[0]],
+            table[motion.heading(state)[0]],
             max(world.num_slots - int(state.slot[0]), 1),
             world.grid.shape,
-            may_rest=world.scenario.auvs.motion.part.can_rest,
+            Gait(world.scenario.auvs.motion.part.can_rest, *motion.pace.along_axes(motion.steps)),
+            state.transit_slots[0] if motion.takes_slots else 0,
         )
         return world.grid.encode(routes)
 
@@ -171,7 +173,7 @@ class Planner:
         rng = np.random.default_rng(self._seed)
         usual = good = Weights.usual(self._simulator)
         start = _before(plan, 0)
-        found = self._first.search(start, _cells(plan), usual, rng)
+        found = self._first.search(start, self._cells(plan), usual, rng)
         plan = min(plan, self._simulator.replay(start, found), key=lambda plan: plan.age_sum)
         for turn in budget.turns():
             afresh, keeps = rng.random(2) < (AFRESH, KEEPING)
@@ -179,7 +181,7 @@ class Planner:
             slot = int(rng.integers(len(plan.actions)))
             if turn < EARLY_ROUNDS or rng.random() < FROM_START:
                 slot = 0
-            route = _cells(plan) if slot or keeps else routes[rng.integers(len(routes))]
+            route = self._cells(plan) if slot or keeps else routes[rng.integers(len(routes))]
             known = plan.actions[slot:] if keeps else None
             found = self._wide.search(_before(plan, slot), route[slot:], weights, rng, known)
             found = np.concatenate([plan.actions[:slot], found])
@@ -188,12 +190,12 @@ class Planner:
                 plan, good = other, weights
         return plan
 
+    def _cells(self, plan: Plan) -> Integers:
+        """(slots, auvs) cells that AUVs go to in each slot; in the last as in the one before."""
+        cells = self._simulator.world.motion.heading(plan.states)
+        return np.concatenate([cells[1:], cells[-1:]])
+
 
 def _before(plan: Plan, slot: int) -> State:
     """The state of one environment before a slot of the plan."""
     return rows(plan.states, np.array([slot]))
-
-
-def _cells(plan: Plan) -> Integers:
-    """(slots, auvs) cells after each slot; after the last, which no one will leave, as before."""
-    return np.concatenate([plan.states.cell[1:], plan.states.cell[-1:]])

@@ -13,11 +13,13 @@ from iout_marl.bounds import delivery_bound
 from iout_marl.evaluation import play
 from iout_marl.policies import Budget, PlannerPolicy, Tour, make_baseline, search
 from iout_marl.policies.routes import (
+    Gait,
     assign_nodes,
     moves_between,
     nearest_neighbour_order,
     tour_order,
     tours,
+    walk,
 )
 from iout_marl.world import node_codes
 
@@ -85,7 +87,7 @@ class TestTours:
         rng = np.random.default_rng(1)
         nodes = rng.integers(0, shape, (5, 3))
         starts = rng.integers(0, shape, (2, 3))
-        routes = tours(nodes, starts, 30, shape, may_rest=may_rest)
+        routes = tours(nodes, starts, 30, shape, Gait(may_rest))
         assert ((routes >= 0) & (routes < shape)).all()
         before = np.tile(starts, (len(routes), 1, 1, 1))
         moved = np.abs(np.diff(routes, axis=1, prepend=before)).sum(-1)
@@ -96,7 +98,7 @@ class TestTours:
     def test_of_full_reach_touch_every_node(self):
         nodes = np.array([[0, 0, 0], [4, 0, 0], [4, 4, 1], [0, 4, 1]])
         starts = np.array([[2, 2, 0]])
-        route = tours(nodes, starts, 40, (5, 5, 2), may_rest=False)[-1, :, 0].tolist()
+        route = tours(nodes, starts, 40, (5, 5, 2), Gait(False))[-1, :, 0].tolist()
         assert all(node in route for node in nodes.tolist())
 
 
@@ -230,3 +232,28 @@ class TestLayouts:
             if walks:
                 deliveries = state.deliveries
         assert (state.deliveries.sum(-1) > deliveries.sum(-1) + 5).all()
+
+
+class TestGaits:
+    """Moves that take several slots, or cover several cells in one."""
+
+    def test_a_walk_waits_until_its_moves_are_over(self):
+        gait = Gait(True, np.array([3, 2, 1]))
+        stops = np.array([[[0, 0, 0], [2, 1, 1]]])
+        cells = walk(np.array([[0, 0, 0]]), stops, 12, (5, 5, 5), gait)[:, 0].tolist()
+        # Three slots for each of two moves along x, two for one along y, one along z; then back.
+        assert cells[:6] == [[1, 0, 0]] * 3 + [[2, 0, 0]] * 3
+        assert cells[6:9] == [[2, 1, 0]] * 2 + [[2, 1, 1]]
+        assert cells[9:] == [[1, 1, 1]] * 3
+
+    def test_a_walk_over_several_cells_comes_as_near_as_it_can(self):
+        gait = Gait(True, np.ones(3, dtype=int), np.array([4, 4, 1]))
+        stops = np.array([[[10, 0, 0], [0, 0, 0]]])
+        cells = walk(np.array([[1, 0, 0]]), stops, 6, (12, 12, 1), gait)[:, 0, 0].tolist()
+        assert set(cells) <= {1, 5, 9}
+        assert {1, 9} <= set(cells)
+
+    def test_a_walk_begins_when_its_auv_has_arrived(self):
+        stops = np.array([[[4, 0, 0]]])
+        cells = walk(np.array([[0, 0, 0]]), stops, 4, (5, 1, 1), Gait(True), np.array([2]))
+        assert cells[:, 0, 0].tolist() == [0, 0, 1, 2]
