@@ -27,6 +27,8 @@ HERE = Path(__file__).parent
 _BETTER = {"less": "less", "more": "more", None: "–"}
 #: Where entries of an observation have the ranges that the table gives.
 EXAMPLE = ("paper/k10-fdd", {"auvs.count": 3, "observation.view_range_m": 500})
+#: What else an entry needs to have something to tell.
+NEEDED = {"transit": {"episode.slot_s": 10.0}}
 _OBSERVED = "observation entry"
 _KEY_HEADINGS = ("Key", "Unit", "Range", "Plausible", "Default", "Meaning")
 
@@ -197,7 +199,7 @@ class _Observed:
         return size
 
     def _in(self, scenario: Scenario) -> Any:
-        seen = {"observation.entries": [self._kind]}
+        seen = {"observation.entries": [self._kind], **NEEDED.get(self._kind, {})}
         return World(load_scenario(scenario, seen)).observer.entries[-1]
 
 

@@ -23,8 +23,10 @@ node for both; with `auvs.motion: hover` a seventh direction stays. With
 `auvs.idle_choices: true` each choice of a node has one more value, the last, K: nobody. An
 AUV that charges nobody makes no sound for it; one that hears nobody gets no packet, and takes
 nothing of the band. Useless choices are harmless: they cost what the scenario says. In a grid of
-one cell every direction stays. An action outside its space, a missing action, an unknown agent,
-and a step before a reset or after the end are refused in one line.
+one cell every direction stays. Where `episode.slot_s` makes moves take several slots, the
+direction of an AUV under way is ignored; its mask has the first alone. An action outside its
+space, a missing action, an unknown agent, and a step before a reset or after the end are
+refused in one line.
 
 **Several AUVs** move at once: those whose moves would end in one cell, or nearer than
 `auvs.separation_cells`, or swap their cells, stay where they are. A node that several

@@ -68,6 +68,10 @@ class Notebook:
             seen += [(oracle.slot - slot) / whole for slot in self.seen_slot]
         if settings.agent_index:
             seen += [float(other == self.auv) for other in oracle.auvs]
+        for _ in settings.entries:  # transit
+            _, slots_left = oracle.transit[self.auv] or (0, 0)
+            longest = max(oracle.slots_and_cells(i)[0] for i in range(6)) - 1
+            seen.append(slots_left / (longest if self._is_scaled else 1))
         return seen
 
     @property

@@ -96,8 +96,9 @@ class Mission:
         """
         _check_same_grid(recording, scenario)
         place = Place(scenario.grid)
+        speed = None if scenario.episode.slot_s is None else scenario.auvs.speed_m_per_s
         routes = tuple(
-            Route.from_path(auv + 1, recording.path[:, auv], place, recording.slot_s)
+            Route.from_path(auv + 1, recording.path[:, auv], place, recording.slot_s, speed)
             for auv in range(recording.num_auvs)
         )
         return cls(

@@ -47,13 +47,27 @@ class Route:
     waypoints: tuple[Waypoint, ...]
 
     @classmethod
-    def from_path(cls, auv: int, path: npt.NDArray[np.int64], place: Place, slot_s: float) -> Route:
+    def from_path(
+        cls,
+        auv: int,
+        path: npt.NDArray[np.int64],
+        place: Place,
+        slot_s: float,
+        speed_m_per_s: float | None = None,
+    ) -> Route:
         """The way through the (slots + 1, 3) cells in which the AUV is before and after each slot.
 
         Successive slots with the same step are one straight run, those without a step one stay.
+        Where moves may take several slots, `speed_m_per_s` says how many: in a path they are made
+        in the last of them, here in all.
         """
-        steps = np.diff(path, axis=0)
-        local = place.local(path)
+        steps, local = np.diff(path, axis=0).astype(np.float64), place.local(path)
+        if speed_m_per_s is not None:
+            lengths_m = np.linalg.norm(np.diff(local, axis=0), axis=1)
+            slots = np.ceil(lengths_m / (speed_m_per_s * slot_s) * (1 - 1e-9)).astype(np.int64)
+            for slot in np.flatnonzero(slots > 1):
+                first = slot + 1 - slots[slot]
+                steps[first : slot + 1] = steps[slot] / slots[slot]
         turns = np.flatnonzero((steps[1:] != steps[:-1]).any(axis=1)) + 1
         bounds = [0, *turns.tolist(), len(steps)]
         waypoints = [Waypoint(_triple(local[0]), 0.0, 0.0, 0.0)]

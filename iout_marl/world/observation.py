@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 
+from iout_marl.core.pace import Pace
 from iout_marl.core.ranges import Ranges
 from iout_marl.core.state import State
 from iout_marl.parts import Context, Entry, at_work
@@ -46,6 +47,8 @@ class Observer:
             for entry, end in zip(self.entries, ends, strict=True)
             if entry.feeds_node_network
         )
+        pace = Pace.from_scenario(scenario)
+        self._has_transit, self._most_waits = pace.takes_slots, int(pace.slots.max()) - 1
         cell = represent.position_ranges()
         self.state_ranges = Ranges.joined(
             [
@@ -55,6 +58,7 @@ class Observer:
                 represent.count_ranges(),
                 *[cell] * scenario.num_nodes,
                 Ranges.uniform(1, 0, 1, 1),
+                *[represent.wait_ranges(scenario.num_auvs, self._most_waits)] * self._has_transit,
             ]
         )
 
@@ -76,7 +80,8 @@ class Observer:
         """What a central critic sees, written as observations are: (envs, entries).
 
         Positions of all AUVs, ages, energies and deliveries of all nodes, positions of
-        the nodes, share of the episode that is over.
+        the nodes, share of the episode that is over; where moves may take longer than a slot, how
+        many slots those of the AUVs still take.
         """
         represent, num_envs = self._represent, state.cell.shape[0]
         auvs, nodes = (
@@ -91,6 +96,9 @@ class Observer:
             nodes,
             represent.time(state.slot),
         ]
+        if self._has_transit:
+            slots = self._xp.astype(state.transit_slots, state.age.dtype)
+            parts.append(represent.waits(slots, self._most_waits))
         return self._xp.concat(parts, axis=-1)
 
     def observe_for_critic(self, state: State, *, central: bool) -> Array | None:

@@ -204,6 +204,17 @@ def test_straight_runs_are_one_leg_and_a_long_stay_is_one_stay():
     ]
 
 
+def test_a_move_over_several_slots_is_made_in_all_of_them():
+    place = Place(load_scenario("paper/k3-fdd").grid)
+    # Two cells of 25 s in slots of 10 s, a stay of one slot, and a cell across.
+    cells = [(1, 1, 1)] * 3 + [(2, 1, 1)] * 3 + [(3, 1, 1)] * 4 + [(3, 2, 1)]
+    route = Route.from_path(1, np.array(cells), place, 10.0, 4.0)
+    found = [(w.local, w.arrival_s, w.hold_s) for w in route.waypoints]
+    assert found == [((0, 0, 0), 0, 0), ((200, 0, 0), 60, 10), ((200, 100, 0), 100, 0)]
+    speeds = [w.speed_m_per_s for w in route.waypoints]
+    assert speeds == pytest.approx([0, 10 / 3, 10 / 3])
+
+
 def test_a_recorded_loop_of_ones_own_is_a_mission(tmp_path):
     env = record(iout_v0.parallel_env("paper/k3-fdd", overrides={"auvs.count": 2}))
     env.reset(seed=4)

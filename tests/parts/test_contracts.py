@@ -54,6 +54,7 @@ SETTINGS = {
 }
 #: What else a scenario needs for a kind to have something to do.
 OVERRIDES = {
+    ("observation entry", "transit"): {"episode.slot_s": 10},
     ("observation entry", "unseen_for"): {"observation.view_range_m": 150},
     ("harvester", "hydrophone"): SEA,
     ("harvester", "aperture"): SEA,

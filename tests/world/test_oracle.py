@@ -454,9 +454,18 @@ CASES = {
     "short-slots-fdd": Case(
         "paper/k3-fdd",
         FDD | SHARED | {"under way"},
-        {"episode.slot_s": 10, "auvs.motion": "hover", **THREE_AUVS},
+        {
+            "episode.slot_s": 10,
+            "auvs.motion": "hover",
+            "observation.entries": ["transit"],
+            **THREE_AUVS,
+        },
     ),
-    "short-slots-tdd": Case("best/k3-tdd", TDD | {"under way"}, {"episode.slot_s": 12}),
+    "short-slots-tdd": Case(
+        "best/k3-tdd",
+        TDD | {"under way"},
+        {"episode.slot_s": 12, "observation.kind": "scaled", "observation.entries": ["transit"]},
+    ),
     "long-slots-fdd": Case(
         "paper/k3-fdd", FDD | SHARED, {"episode.slot_s": 55, "age.maximum": 8, **THREE_AUVS}
     ),

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from iout_marl import World, load_scenario
+from iout_marl import InputError, World, evaluate, load_scenario
+from iout_marl.bounds import bound
+from iout_marl.envs import AUVEnv, AUVVectorEnv
+from iout_marl.testing import check_vector_env
+from trainers import Trainer
 
 TEAM = {"auvs.start_cells": [[5, 5, 2], [5, 8, 2], [8, 5, 2]]}
 SHORT, LONG = {"episode.slot_s": 10}, {"episode.slot_s": 60}
@@ -115,3 +119,60 @@ def test_auvs_that_were_apart_stay_apart_on_any_library(slot_s, separation):
             between = state.cell[:, one] - state.cell[:, two] + world.grid.offset_origin
             assert (apart[between] >= separation * (1 - 1e-9)).all()
     assert blocked > 0 or separation == 1
+
+
+def test_what_is_left_of_a_move_is_seen_where_it_is_listed():
+    with pytest.raises(ValueError, match="transit: no move takes longer than a slot"):
+        load_scenario("paper/k3-fdd", {"observation.entries": ["transit"]})
+    changes = {**SHORT, "observation.entries": ["transit"]}
+    world, states = moved(changes, RIGHT, RIGHT, RIGHT)
+    assert [float(world.observe(state)[0, 0, -1]) for state in states] == [0, 2, 1, 0]
+    assert [float(world.observer.observe_globally(s)[0, -1]) for s in states] == [0, 2, 1, 0]
+    changes["observation.kind"] = "scaled"
+    world, states = moved(changes, RIGHT, RIGHT, RIGHT)
+    assert [float(world.observe(state)[0, 0, -1]) for state in states] == [0, 1, 0.5, 0]
+
+
+@pytest.mark.parametrize("changes", [SHORT, LONG, {**SHORT, "age.sampling": "packet_start"}])
+def test_environments_and_trainings_run(changes, tiny):
+    team = {**changes, "auvs.start_cells": [[2, 1, 1], [1, 2, 1]], "nodes.count": 2}
+    scenario = tiny({**team, "episode.duration_s": 300})
+    log = Trainer(scenario).iterate()
+    assert np.isfinite(log["ppo/loss"])
+    alone = tiny({**changes, "episode.duration_s": 300})
+    check_vector_env(lambda: AUVVectorEnv(alone, 3), lambda: AUVEnv(alone), seeds=(7,))
+
+
+@pytest.mark.parametrize("changes", [SHORT, LONG])
+@pytest.mark.parametrize("policy", ["greedy", "round-robin", "tour"])
+def test_policies_and_replays_play(changes, policy, tiny):
+    found = evaluate(tiny(changes), policy, 1, breakdown=True)
+    mean_s = found.breakdown.nodes["mean_aoi_s"].mean()
+    assert found.metrics["mean_aoi_s"].mean == pytest.approx(mean_s)
+
+
+def test_ages_over_time_are_those_of_packets():
+    changes = {"age.sampling": "packet_start", "charging.power_w": 1e6}
+    world = World("best/k3-tdd", overrides=changes)
+    state, rng, total = world.reset(), np.random.default_rng(0), 0.0
+    young = 0
+    for _ in range(world.num_slots):
+        action = np.stack([rng.integers(0, n, (1, 1)) for n in world.action_sizes], -1)
+        before = state
+        state, events = world.step(before, action)
+        # In TDD a packet takes what charging leaves of the slot.
+        heard = int(events.heard[0, 0])
+        if events.delivered[0, 0]:
+            assert state.age[0, heard] == pytest.approx(1 - float(events.beta[0, 0]))
+            young += state.age[0, heard] < 1
+        steps = np.linspace(0, 1, 2001)[:, None]
+        total += np.minimum(before.age + steps, world.scenario.age.maximum).mean()
+    assert young > 0
+    assert state.age_sum[0] == pytest.approx(total, rel=1e-3)
+    mean_s = world.metrics(state)["mean_aoi_s"][0]
+    assert mean_s == pytest.approx(total / world.num_slots * world.link.slot_s, rel=1e-3)
+
+
+def test_bounds_are_for_ages_in_whole_slots():
+    with pytest.raises(InputError, match=r"age\.sampling: packet_start: bounds are for ages in wh"):
+        bound("paper/k3-fdd", seconds=0, overrides={"age.sampling": "packet_start"})

@@ -131,6 +131,14 @@ class Representation(Part):
         """Ranges of one duration for each node."""
         return Ranges.uniform(self._num_nodes, 0, self._num_slots, self._num_slots)
 
+    def waits(self, slots: Array, most_slots: int) -> Array:  # noqa: ARG002
+        """Numbers of slots, up to so many."""
+        return slots
+
+    def wait_ranges(self, count: int, most_slots: int) -> Ranges:
+        """Ranges of so many waits."""
+        return Ranges.uniform(count, 0, most_slots, most_slots)
+
     def time(self, slot: Array) -> Array:
         """The share of the episode that is over: (envs,) slots to (envs, 1)."""
         return self.xp.astype(slot, self.world.backend.dtype)[:, None] / self._num_slots

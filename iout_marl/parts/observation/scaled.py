@@ -56,3 +56,10 @@ class Scaled(Representation):
 
     def duration_ranges(self) -> Ranges:
         return Ranges.uniform(self._num_nodes, 0, 1, 1)
+
+    def waits(self, slots: Array, most_slots: int) -> Array:
+        """Shares of the most."""
+        return slots / most_slots
+
+    def wait_ranges(self, count: int, most_slots: int) -> Ranges:  # noqa: ARG002
+        return Ranges.uniform(count, 0, 1, 1)
