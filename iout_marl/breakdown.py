@@ -61,8 +61,8 @@ class Breakdown:
             slots and highest of the age; energy harvested, spent on uplinks, and left in the end.
             Where stores have limits also by those of `STORE_COLUMNS`: energy that stores had no
             room for, that they have lost, and that nodes have drawn while idle; slots asleep.
-        auvs: by the names of `AUV_COLUMNS`, (episodes, auvs): the way; slots that began with a
-            move; packets that it has received; energy that nodes have harvested from it.
+        auvs: by the names of `AUV_COLUMNS`, (episodes, auvs): the way; slots in which it moved;
+            packets that it has received; energy that nodes have harvested from it.
     """
 
     slot_s: float
@@ -102,7 +102,10 @@ class Tally:
         self._harvested_j = nodes.scatter_add(self._harvested_j, charged, events.harvested_j)
         self._spent_j = nodes.scatter_add(self._spent_j, heard, events.spent_j)
         self._distance_m += link.at(link.way_m, link.offset(state.cell, self._cell))
-        self._moves += state.cell != self._cell
+        moves = state.cell != self._cell
+        if self._world.motion.takes_slots:
+            moves |= state.transit_slots > 0
+        self._moves += moves
         self._packets += events.delivered
         self._delivered_j += events.harvested_j
         self._cell, self._age = state.cell, state.age

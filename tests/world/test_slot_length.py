@@ -6,8 +6,10 @@ import torch
 
 from iout_marl import InputError, World, evaluate, load_scenario
 from iout_marl.bounds import bound
+from iout_marl.breakdown import Tally
 from iout_marl.envs import AUVEnv, AUVVectorEnv
 from iout_marl.testing import check_vector_env
+from iout_marl.world import Events
 from trainers import Trainer
 
 TEAM = {"auvs.start_cells": [[5, 5, 2], [5, 8, 2], [8, 5, 2]]}
@@ -176,3 +178,16 @@ def test_ages_over_time_are_those_of_packets():
 def test_bounds_are_for_ages_in_whole_slots():
     with pytest.raises(InputError, match=r"age\.sampling: packet_start: bounds are for ages in wh"):
         bound("paper/k3-fdd", seconds=0, overrides={"age.sampling": "packet_start"})
+
+
+def test_all_slots_of_a_long_move_are_moving_ones():
+    changes = {**SHORT, "auvs.motion": "hover", "episode.duration_s": 80}
+    world, states = moved(changes, RIGHT, 6, 6, 6, RIGHT, RIGHT, RIGHT, 6)
+    tally = Tally(world, states[0])
+    nothing = np.zeros((1, 1))
+    for state in states[1:]:
+        whom = np.zeros((1, 1), dtype=np.int64)
+        tally.add(state, Events(nothing, nothing, whom, whom, *[nothing] * 5))
+    found = tally.result(states[-1]).auvs
+    # Two moves of three slots each, over a cell of 100 m.
+    assert (found["moving_slots"], found["moving_s"], found["distance_m"]) == (6, 60, 200)
