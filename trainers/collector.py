@@ -291,6 +291,8 @@ class Collector:
         later = [] if self.world.storage.is_limited else list(STORE_FIELDS)
         if not self.world.idle_choices:
             later.append("unasked")
+        if not self.world.motion.takes_slots:
+            later += TRANSIT_FIELDS
         whole = {name: t for name, t in whole.items() if name not in later}
         names = [metric.name for metric in self.world.summed]
         return {

@@ -191,3 +191,16 @@ def test_all_slots_of_a_long_move_are_moving_ones():
     found = tally.result(states[-1]).auvs
     # Two moves of three slots each, over a cell of 100 m.
     assert (found["moving_slots"], found["moving_s"], found["distance_m"]) == (6, 60, 200)
+
+
+@pytest.mark.parametrize("changes", [{}, SHORT])
+def test_trainings_go_on_with_moves_that_are_not_over(changes, tiny):
+    first, second = (Trainer(tiny(changes), seed) for seed in (0, 1))
+    first.iterate()
+    saved = first.state_dict()
+    assert ("transit_slots" in saved["collector"]["state"]) == bool(changes)
+    second.load_state_dict(saved)
+    first.iterate()
+    second.iterate()
+    expected = first.weights()
+    assert all(torch.equal(tensor, expected[name]) for name, tensor in second.weights().items())
