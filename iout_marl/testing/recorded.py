@@ -59,7 +59,8 @@ class Slot:
         """What it would have led to, had nodes or AUVs been in this order."""
         found = {}
         for name, array in self.values.items():
-            if auvs is not None and name in OF_AUVS:
+            # Fields of what a scenario does not have are without columns.
+            if auvs is not None and name in OF_AUVS and array.shape[1]:
                 array = array[:, auvs]  # noqa: PLW2901
             if nodes is not None and name in OF_NODES:
                 array = array[..., nodes[: array.shape[-1]]]  # noqa: PLW2901

@@ -94,7 +94,7 @@ LINES = {
     # Keys.
     "agee: {initial: 2}": "agee: unknown key; did you mean 'age'?",
     "age: {inital: 2}": "age.inital: unknown key; did you mean 'initial'?",
-    "age: {xyz: 2}": "age.xyz: unknown key (known: initial, maximum)",
+    "age: {xyz: 2}": "age.xyz: unknown key (known: initial, maximum, sampling)",
     "duplex: {beta_min: 0.2}": "duplex.beta_min: unknown key of kind 'fdd': it belongs to kind ",
     "channel: {absorption: {ph: 8}}": (
         "channel.absorption.ph: unknown key of kind 'thorp': it belongs to kind 'francois_"
