@@ -106,6 +106,7 @@ def test_the_bound_is_that_of_the_same_part_from_inside(from_outside):
     assert verified_age_sum(outside, certificate) == certificate.age_sum
 
 
+@pytest.mark.slow
 def test_the_command_and_its_json_say_so(iout, from_outside):
     (setting,) = (f"{key}={value}" for key, value in from_outside("access").items())
     words = ("bound", "multi/m2-k10-fdd", "--set", "episode.duration_s=100", "--set", setting)

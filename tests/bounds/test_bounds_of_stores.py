@@ -40,6 +40,7 @@ def test_in_two_bands_both_stay_below_the_optimum_which_limits_only_raise(store,
     assert least_age_sum(unlimited) <= least
 
 
+@pytest.mark.slow
 def test_limits_do_raise_it():
     """So that the test above could fail."""
     raised = [

@@ -100,6 +100,7 @@ def test_json_that_cannot_be_written(iout, refused):
     assert "cannot be written: " in err
 
 
+@pytest.mark.slow
 def test_json_is_there_whatever_becomes_of_the_table(iout, tmp_path, monkeypatch):
     path = tmp_path / "bound.json"
 
@@ -113,6 +114,7 @@ def test_json_is_there_whatever_becomes_of_the_table(iout, tmp_path, monkeypatch
     assert json.loads(path.read_text())["certificate"]["kind"] == "scheduling"
 
 
+@pytest.mark.slow
 def test_policies_are_counted_one_by_one(iout):
     words = ("bound", "paper/k3-fdd", *SHORT, "--seconds", 0)
     assert "Played: 1 episode of each policy, from seed 0 on." in iout(*words)[1]

@@ -239,6 +239,7 @@ def test_run_in_another_world_is_evaluated_by_transfer(iout, trained, tiny_setti
     assert json.loads(out)["policy"] == str(trained)
 
 
+@pytest.mark.slow
 def test_planner_may_start_from_a_run(iout, trained, tiny_settings):
     def mean_age(*words):
         _, out, _ = iout("evaluate", "best/k3-fdd", *tiny_settings, *words, "--json", "-")

@@ -78,6 +78,7 @@ def test_scenario_of_another_command_before(iout, own, tmp_path):
     assert json.loads(own.read_text())["episodes"] == 1
 
 
+@pytest.mark.slow
 class TestOtherDrives:
     """On Windows no way leads from one drive to another: `os.path.relpath` raises ValueError."""
 

@@ -47,6 +47,7 @@ def policies(*names):
     return [word for name in names for word in ("--policy", name)]
 
 
+@pytest.mark.slow
 class TestLayouts:
     def evaluated(self, iout, by_run, *words):
         status, out, err = iout("evaluate", *by_run, "--episodes", 3, *words, "--json", "-")

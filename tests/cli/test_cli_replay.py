@@ -68,6 +68,7 @@ def test_policy_beside_a_recording(iout, tmp_path, episode):
     assert policies_of(tmp_path / "alone.html") == ["greedy"]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_films(iout, tmp_path):

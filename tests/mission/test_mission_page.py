@@ -4,12 +4,15 @@ import re
 import shlex
 from pathlib import Path
 
+import pytest
+
 from iout_marl.mission import FORMATS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "mission.md").read_text(encoding="utf-8")
 NODES = "lat,lon,depth\n41.18,-8.7,12\n41.1853,-8.6921,55.5\n41.1812,-8.6955,140\n"
 
 
+@pytest.mark.slow
 def test_its_commands_run(iout, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("nodes.csv").write_text(NODES)

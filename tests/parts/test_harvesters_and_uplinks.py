@@ -118,6 +118,7 @@ def test_beta_leaves_time_for_packet_call_and_answer():
     assert {0.89, 1.0} < found
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("changes", [{}, {"harvester.threshold_w": 0.02}], ids=["", "threshold"])
 def test_policies_and_bounds_bear_infinite_prices_and_no_harvest(duplex, changes):

@@ -6,6 +6,8 @@ import pytest
 from iout_marl import evaluate, load_scenario
 from iout_marl.policies import Budget, PlannerPolicy, Tour
 
+pytestmark = pytest.mark.slow
+
 #: Six nodes in a bay of 480 m × 480 m, in metres.
 NODES_M = np.array([[30, 30], [450, 90], [210, 210], [90, 390], [390, 450], [270, 30]])
 #: W of charging: energy binds, and does not.

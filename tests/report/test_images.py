@@ -57,6 +57,7 @@ def test_picture_of_a_page_is_fresh(name, made_from):
     assert picture.text[make.MADE_FROM] == made_from(), "run `make images`"
 
 
+@pytest.mark.slow
 def test_film_is_of_the_trained_policy_and_fresh():
     episode = make.trained_episode()
     scenario = load_scenario(make.TRAINED)

@@ -64,6 +64,7 @@ def test_bundled_scenarios_are_found_and_the_same(seen):
     assert seen["hashes"] == {name: load_scenario(name).hash for name in bundled_names()}
 
 
+@pytest.mark.slow
 def test_presets_are_found(seen):
     assert seen["paper"] == 10
 

@@ -3,12 +3,15 @@
 import io
 from contextlib import suppress
 
+import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from iout_marl import InputError, Scenario, load_scenario
 from iout_marl.scenario import member_names, show_file, to_yaml
+
+pytestmark = pytest.mark.slow
 
 WHOLE = load_scenario("best/k3-tdd").model_dump(mode="json")
 QUICK = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))

@@ -190,6 +190,7 @@ def test_a_single_environment_is_that_of_the_batch():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["best/k3-tdd", "multi/m2-k10-fdd"])
 def test_baselines_and_the_planner_play_it(name):
     greedy, tour, planner = (

@@ -101,6 +101,7 @@ def test_an_auv_that_names_nobody_changes_nothing_for_others(name, access):
     assert arrived > 0
 
 
+@pytest.mark.slow
 @every_world
 @pytest.mark.parametrize("access", ACCESS)
 def test_a_batch_is_its_environments_on_any_library(name, access):

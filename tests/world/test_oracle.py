@@ -503,7 +503,7 @@ CASES = {
 
 #: The published scenarios are compared in `make quick`, too.
 NAMES = [
-    pytest.param(name, marks=() if name.startswith("paper/") else pytest.mark.slow, id=name)
+    pytest.param(name, marks=() if name.startswith("paper/k3") else pytest.mark.slow, id=name)
     for name in CASES
 ]
 
@@ -569,6 +569,7 @@ def test_episodes_exercise_what_they_are_meant_to(name):
     assert not [what for what in CASES[name].happens if not seen[what]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in CASES if name.startswith("random-nodes")])
 def test_random_nodes_lie_in_cells_of_their_own_and_differ_between_episodes(name):
     scenario, episodes, _ = expected(name)

@@ -73,6 +73,7 @@ def test_ages_rise_by_one_or_fall_to_one(scenario, seed):
         assert (after.age[~served] == np.minimum(before.age + 1, maximum)[~served]).all()
 
 
+@pytest.mark.slow
 @laws
 @given(scenarios, st.integers(0, 10**6))
 def test_no_node_delivers_twice_in_a_slot(scenario, seed):
@@ -255,6 +256,7 @@ def test_a_wider_separation_keeps_them_farther_apart_and_none_lets_them_meet():
     assert moved([2, 4], [RIGHT, LEFT], **{"auvs.separation_cells": 0})[0] == [3, 3]
 
 
+@pytest.mark.slow
 @laws
 @given(scenarios, st.integers(0, 10**6), st.sampled_from([1.0, 1.5, 2.0]))
 def test_auvs_never_come_nearer_than_their_separation(scenario, seed, separation):
