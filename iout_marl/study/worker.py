@@ -123,7 +123,6 @@ def _without_folder(error: InputError | OSError, run: Path) -> str:
 
 
 @functools.cache
-@functools.cache
 def _warm_up() -> None:
     """What a process does only once must not count to the time of its first training."""
     import trainers

@@ -13,7 +13,7 @@ from iout_marl.parts.base import Part
 from iout_marl.physics.arrays import Array, ArrayLike
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
-from iout_marl.scenario.fields import Section
+from iout_marl.scenario.fields import Section, invalid
 from iout_marl.scenario.parts import PartOf
 from iout_marl.scenario.parts import Settings as PartSettings
 from iout_marl.whole import is_number
@@ -53,6 +53,24 @@ class Channel(Part):
         """How AUVs share the band, before it belongs to a world."""
         access: Access = self.settings.access.part
         return access
+
+    def need_physical_levels(self, path: tuple[str, ...], what: str) -> None:
+        """Refuse what takes levels in consistent units, where this channel's are none.
+
+        Args:
+            path: the key that asks for them.
+            what: who takes them, with a verb, for the message.
+
+        Raises:
+            pydantic_core.PydanticCustomError: `has_physical_levels` does not hold.
+        """
+        if not self.has_physical_levels:
+            raise invalid(
+                path,
+                f"{what} levels in consistent units, such as those of channel.kind: sonar, which "
+                f"{self.settings.kind!r} does not have",
+                beside=("channel", "kind"),
+            )
 
     def alpha_db_per_km(self, frequency_khz: float) -> float:
         """Absorption α(f) in dB/km."""

@@ -8,7 +8,7 @@ from iout_marl import physics
 from iout_marl.parts.harvester.base import Harvester, harvesters
 from iout_marl.physics.arrays import Array, ArrayLike
 from iout_marl.scenario import Scenario
-from iout_marl.scenario.fields import Area, Efficiency, NonNegative, Plausible, invalid
+from iout_marl.scenario.fields import Area, Efficiency, NonNegative, Plausible
 from iout_marl.scenario.parts import Settings as PartSettings
 
 
@@ -30,13 +30,7 @@ class Aperture(Harvester):
     settings: Settings
 
     def check(self, scenario: Scenario) -> None:
-        if not scenario.channel.part.has_physical_levels:
-            raise invalid(
-                ("harvester", "kind"),
-                f"'aperture' takes levels in consistent units, such as those of channel.kind: "
-                f"sonar, which {scenario.channel.kind!r} does not have",
-                beside=("channel", "kind"),
-            )
+        scenario.channel.part.need_physical_levels(("harvester", "kind"), "'aperture' takes")
 
     def harvested_power_w(self, received_level_db: ArrayLike, acoustic_power_w: float) -> Array:
         own = self.settings

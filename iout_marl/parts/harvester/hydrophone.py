@@ -18,7 +18,6 @@ from iout_marl.scenario.fields import (
     Efficiency,
     Plausible,
     Positive,
-    invalid,
 )
 from iout_marl.scenario.parts import Settings as PartSettings
 
@@ -50,12 +49,9 @@ class Hydrophone(Harvester):
     settings: Settings
 
     def check(self, scenario: Scenario) -> None:
-        if self.settings.area_m2 is not None and not scenario.channel.part.has_physical_levels:
-            raise invalid(
-                ("harvester", "area_m2"),
-                f"what passes an area follows from levels in consistent units, such as those of "
-                f"channel.kind: sonar, which {scenario.channel.kind!r} does not have",
-                beside=("channel", "kind"),
+        if self.settings.area_m2 is not None:
+            scenario.channel.part.need_physical_levels(
+                ("harvester", "area_m2"), "what passes an area follows from"
             )
 
     def harvested_power_w(self, received_level_db: ArrayLike, acoustic_power_w: float) -> Array:

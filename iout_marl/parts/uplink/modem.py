@@ -55,13 +55,7 @@ class Modem(Uplink):
 
     def check(self, scenario: Scenario) -> None:
         channel, duplex = scenario.channel.part, scenario.duplex.part
-        if not channel.has_physical_levels:
-            raise invalid(
-                ("uplink", "kind"),
-                f"'modem' takes levels in consistent units, such as those of channel.kind: sonar, "
-                f"which {scenario.channel.kind!r} does not have",
-                beside=("channel", "kind"),
-            )
+        channel.need_physical_levels(("uplink", "kind"), "'modem' takes")
         super().check(scenario)
         bands = channel.access.num_bands(scenario.num_auvs)
         airtime_s, longest_s = self._airtime_s(bands), scenario.slot_s * duplex.longest_uplink
