@@ -26,7 +26,21 @@ from iout_marl.scenario.reference import Key, keys, keys_of_kind, text_of
 HERE = Path(__file__).parent
 _BETTER = {"less": "less", "more": "more", None: "–"}
 #: Where entries of an observation have the ranges that the table gives.
-EXAMPLE = ("paper/k10-fdd", {"auvs.count": 3, "observation.view_range_m": 500})
+EXAMPLE = (
+    "paper/k10-fdd",
+    {
+        "auvs.count": 3,
+        "observation.view_range_m": 500,
+        "vehicle": {
+            "kind": "battery",
+            "capacity_j": 4e6,
+            "drag_area_m2": 3.0,
+            "drag_coefficient": 0.006,
+            "propulsion_efficiency": 0.7,
+            "hotel_w": 40.0,
+        },
+    },
+)
 #: What else an entry needs to have something to tell.
 NEEDED = {"transit": {"episode.slot_s": 10.0}}
 _OBSERVED = "observation entry"
@@ -46,7 +60,7 @@ def metrics_table() -> str:
             metric.definition,
             f"`{metric.tag}`",
         )
-        for metric in (*metrics.BUILTIN, *metrics.OF_SOME)
+        for metric in metrics.ALL
     ]
     return table(headings, (map(markdown_text, row) for row in rows))
 

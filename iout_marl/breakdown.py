@@ -49,6 +49,15 @@ AUV_COLUMNS = (
     Column("packets", "packets", 1),
     Column("delivered_j", "delivered J", 1),
 )
+#: Of AUVs that can run out of energy, after `AUV_COLUMNS`.
+VEHICLE_COLUMNS = (
+    Column("propulsion_j", "propulsion J", 0),
+    Column("hotel_j", "hotel J", 0),
+    Column("charging_j", "charging J", 0),
+    Column("docked_j", "docked J", 0),
+    Column("battery_j", "battery J", 0),
+    Column("stranded_slots", "stranded slots", 1),
+)
 
 
 @dataclass(frozen=True)
@@ -62,7 +71,10 @@ class Breakdown:
             Where stores have limits also by those of `STORE_COLUMNS`: energy that stores had no
             room for, that they have lost, and that nodes have drawn while idle; slots asleep.
         auvs: by the names of `AUV_COLUMNS`, (episodes, auvs): the way; slots in which it moved;
-            packets that it has received; energy that nodes have harvested from it.
+            packets that it has received; energy that nodes have harvested from it. Where they
+            can run out of energy also by those of `VEHICLE_COLUMNS`: energy for moves, beside
+            moves and charging, and for charging; what docks have given, what the battery has
+            left; slots stranded.
     """
 
     slot_s: float
@@ -73,6 +85,11 @@ class Breakdown:
     def node_columns(self) -> tuple[Column, ...]:
         """The columns that its nodes have."""
         return tuple(c for c in (*NODE_COLUMNS, *STORE_COLUMNS) if c.name in self.nodes)
+
+    @property
+    def auv_columns(self) -> tuple[Column, ...]:
+        """The columns that its AUVs have."""
+        return tuple(c for c in (*AUV_COLUMNS, *VEHICLE_COLUMNS) if c.name in self.auvs)
 
 
 class Tally:
@@ -114,6 +131,7 @@ class Tally:
         """The figures of whole episodes; `state` is the last."""
         slot_s = self._world.link.slot_s
         stores = STORE_COLUMNS if self._world.storage.is_limited else ()
+        vehicles = VEHICLE_COLUMNS if self._world.vehicle.is_limited else ()
         mean_age = self._age_sum / self._world.num_slots
         return Breakdown(
             slot_s=slot_s,
@@ -134,5 +152,6 @@ class Tally:
                 "moving_s": self._moves * slot_s,
                 "packets": self._packets,
                 "delivered_j": self._delivered_j,
+                **{column.name: np.array(getattr(state, column.name)) for column in vehicles},
             },
         )

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
-from iout_marl.breakdown import AUV_COLUMNS
 from iout_marl.errors import printable
 from iout_marl.evaluation import Evaluation
 from iout_marl.metrics import Metric, described
@@ -61,7 +60,7 @@ def show_breakdown(result: Evaluation) -> None:
     present(f"{printable(result.label)}: a slot is {breakdown.slot_s:g} s{means}")
     for what, columns, found in (
         ("node", breakdown.node_columns, breakdown.nodes),
-        ("AUV", AUV_COLUMNS, breakdown.auvs),
+        ("AUV", breakdown.auv_columns, breakdown.auvs),
     ):
         table = Table()
         for heading in (what, *(column.heading for column in columns)):

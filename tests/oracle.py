@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from oracle_stores import Stores
 from oracle_team import Notebook
+from oracle_vehicles import Vehicles
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -239,6 +240,8 @@ class Slot:
     heard: int
     left_grid: bool = False
     blocked: bool = False
+    #: It could not pay for the next slot of a move that was not over.
+    gave_up: bool = False
     beta: float = 0.0
     harvested_j: float = 0.0
     delivered: bool = False
@@ -274,6 +277,7 @@ class Oracle:
         self.peak_age = self.capped_ages = 0
         self.events: list[Slot] = []
         self.nobody = scenario.num_nodes
+        self.vehicles = Vehicles(self)
         self.asked = 0  # uplinks asked for
         self.silenced = 0  # uplinks that fell silent so that others could be heard
         self.notebooks = [Notebook(self, auv) for auv in self.auvs]
@@ -313,11 +317,14 @@ class Oracle:
     def step(self, action: Sequence[Sequence[int]]) -> None:
         """One slot: move, charge, uplink, age. `action` has (direction, nodes…) per AUV."""
         self.events = [Slot(charged=a[1], heard=a[-1]) for a in action]
+        self.vehicles.begin()
         self.move([direction for direction, *_ in action])
+        self.vehicles.pay_for_moves()
         if self.scenario.duplex.kind == "tdd":
             for auv, event in enumerate(self.events):
                 if event.charged != self.nobody:
                     event.beta = self.splitting(auv, event.charged)
+        self.vehicles.pay_for_charging()
         self.charge()
         self.stores.fill()
         able = self.able()
@@ -325,6 +332,7 @@ class Oracle:
             event.some_node_able = any(able[auv])
         self.uplink(able)
         self.stores.rest()
+        self.vehicles.dock()
         self.grow_older()
         self.slot += 1
         for notebook in self.notebooks:
@@ -340,16 +348,22 @@ class Oracle:
         walks = []
         for auv, named in enumerate(directions):
             direction, slots_left = self.transit[auv] or (named, self.slots_and_cells(named)[0])
-            target, inside = self.ahead(auv, direction)
+            target, inside = self.ahead(self.auv_cells[auv], direction)
             # In a grid of one cell every direction stays.
             nowhere_to_go = tuple(self.scenario.grid.cells) == (1, 1, 1)
             self.events[auv].left_grid = not (inside or nowhere_to_go)
+            if not self.vehicles.can_move(auv, direction):
+                self.events[auv].left_grid = False
+                self.events[auv].gave_up = self.transit[auv] is not None
+                self.transit[auv] = None
+                walks.append([])
+                continue
             is_over = slots_left == 1 or target == self.auv_cells[auv]
             self.transit[auv] = None if is_over else (direction, slots_left - 1)
             walks.append([direction] * self.slots_and_cells(direction)[1] if is_over else [])
         while any(walks):
             targets = [
-                self.ahead(auv, walk.pop())[0] if walk else self.auv_cells[auv]
+                self.ahead(self.auv_cells[auv], walk.pop())[0] if walk else self.auv_cells[auv]
                 for auv, walk in enumerate(walks)
             ]
             while stopped := self.collisions(targets):
@@ -359,9 +373,9 @@ class Oracle:
                     walks[auv] = []
             self.auv_cells = targets
 
-    def ahead(self, auv: int, direction: int) -> tuple[Cell, bool]:
+    def ahead(self, cell: Cell, direction: int) -> tuple[Cell, bool]:
         """The next cell in a direction, and whether there is one."""
-        cell, sizes = self.auv_cells[auv], self.scenario.grid.cells
+        sizes = self.scenario.grid.cells
         target = tuple(c + step for c, step in zip(cell, STEPS[direction], strict=True))
         inside = all(1 <= c <= n for c, n in zip(target, sizes, strict=True))
         return (target if inside else cell), inside
@@ -568,7 +582,8 @@ class Oracle:
                 jains[auv] -= book.jain_without() - 1
         if reward.kind == "mean_age":
             fairness = [reward.fairness_weight * jain for jain in jains]
-            return {"age": ages} | ({"fairness": fairness} if reward.fairness_weight else {})
+            terms = {"age": ages} | ({"fairness": fairness} if reward.fairness_weight else {})
+            return terms | self.vehicles.reward_terms()
         fair_share = self.scenario.num_slots / len(self.nodes)
         terms = {
             "age": ages,
@@ -585,7 +600,7 @@ class Oracle:
         if reward.unserved_penalty:
             unserved = self.deliveries.count(0)
             terms["unserved"] = [-reward.unserved_penalty * unserved for _ in self.auvs]
-        return terms
+        return terms | self.vehicles.reward_terms()
 
     def age_term(self, age: Sequence[float], jain: float) -> float:
         """The first term of eq. `reward function`, or the mean age alone."""
@@ -620,6 +635,7 @@ class Oracle:
             "jain_violation": float(jain < self.scenario.fairness.minimum_jain),
             **self.stores.metrics(),
             **self.seconds(),
+            **self.vehicles.metrics(),
         }
 
     def seconds(self) -> dict[str, float]:

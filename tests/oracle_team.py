@@ -68,11 +68,28 @@ class Notebook:
             seen += [(oracle.slot - slot) / whole for slot in self.seen_slot]
         if settings.agent_index:
             seen += [float(other == self.auv) for other in oracle.auvs]
-        for _ in settings.entries:  # transit
-            _, slots_left = oracle.transit[self.auv] or (0, 0)
-            longest = max(oracle.slots_and_cells(i)[0] for i in range(6)) - 1
-            seen.append(slots_left / (longest if self._is_scaled else 1))
+        for entry in settings.entries:
+            if entry.kind == "transit":
+                _, slots_left = oracle.transit[self.auv] or (0, 0)
+                longest = max(oracle.slots_and_cells(i)[0] for i in range(6)) - 1
+                seen.append(slots_left / (longest if self._is_scaled else 1))
+            else:
+                seen += self._batteries(of_others=entry.kind == "batteries")
         return seen
+
+    def _batteries(self, *, of_others: bool) -> list[float]:
+        """Shares left in the own battery, or in those of the others, from the nearest on."""
+        oracle = self.oracle
+        share = [has_j / oracle.scenario.vehicle.capacity_j for has_j in oracle.vehicles.battery_j]
+        if not of_others:
+            return [share[self.auv]]
+        own = oracle.auv_cells[self.auv]
+        found = []
+        for other, cell in enumerate(oracle.auv_cells):
+            if other != self.auv:
+                step = tuple(theirs - mine for theirs, mine in zip(cell, own, strict=True))
+                found.append((oracle.squared_shortest(step, (0, 0, 0)), step, share[other]))
+        return [each for *_, each in sorted(found)]
 
     @property
     def _is_scaled(self) -> bool:

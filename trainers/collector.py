@@ -12,7 +12,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from iout_marl.core.state import STORE_FIELDS, TRANSIT_FIELDS
+from iout_marl.core.state import STORE_FIELDS, TRANSIT_FIELDS, VEHICLE_FIELDS
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World, node_codes, redraws_every_episode
 from trainers.accel import Runtime
@@ -289,7 +289,9 @@ class Collector:
         sums = whole.pop("sums").unbind(-1)
         # Without what fields came for, states are those of versions before them.
         later = [] if self.world.storage.is_limited else list(STORE_FIELDS)
-        if not self.world.idle_choices:
+        if not self.world.vehicle.is_limited:
+            later += VEHICLE_FIELDS
+        if not self.world.may_be_idle:
             later.append("unasked")
         if not self.world.motion.takes_slots:
             later += TRANSIT_FIELDS
@@ -308,7 +310,7 @@ class Collector:
         Of metrics that were not summed when it was made, the sums begin at 0.
         """
         states = [
-            dict.fromkeys(STORE_FIELDS, one["state"]["age"][:, :0])
+            dict.fromkeys((*STORE_FIELDS, *VEHICLE_FIELDS), one["state"]["age"][:, :0])
             | {"unasked": self._none_of(one)}
             | dict.fromkeys(TRANSIT_FIELDS, one["state"]["cell"][:, :0])
             | one["state"]

@@ -201,6 +201,11 @@ def _validity(scenario: Scenario) -> str:
             "the scheduling bound holds; for one by energy and travel stores would have to do "
             f"nothing but take possibilities away: {adds}"
         )
+    if adds := scenario.vehicle.part.what_it_adds(scenario):
+        return (
+            "the scheduling bound holds; one by energy and travel would hold for vehicles without "
+            f"end of energy, and for limits that only remove possibilities: {adds}"
+        )
     return "both bounds hold for every policy"
 
 
@@ -212,7 +217,8 @@ def _stated_by(scenario: Scenario) -> str:
     """
     relied_on: list[Settings] = [scenario.channel.part.access.settings]
     if is_covered(scenario):
-        relied_on += [scenario.duplex, scenario.storage, scenario.auvs.motion, scenario.nodes]
+        relied_on += [scenario.duplex, scenario.storage, scenario.vehicle]
+        relied_on += [scenario.auvs.motion, scenario.nodes]
     outside = {entry: None for settings in relied_on for entry in outside_parts(settings)}
     parts = [f"part {entry.kind!r} ({entry.role})" for entry in outside]
     return f"as stated by {listed(parts)}" if parts else ""

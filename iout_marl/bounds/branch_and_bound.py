@@ -102,14 +102,14 @@ def _with_energy(field: FiniteGame, layer: Layer, heard: int | None) -> list[Lay
     """
     charge, deliver, both = field.tables
     nodes = range(field.scenario.num_nodes)
-    idle_choices = field.scenario.auvs.idle_choices
+    may_be_idle = field.scenario.may_be_idle
     if heard is None:
-        idle = [layer] if idle_choices else []
+        idle = [layer] if may_be_idle else []
         return [*idle, *(_moved(field, layer, charged, charge) for charged in nodes)]
     paid = _moved(field, layer, heard, deliver)
     if both is None:
         return [paid]
-    idle = [paid] if idle_choices else []
+    idle = [paid] if may_be_idle else []
     others = [_moved(field, paid, charged, charge) for charged in nodes if charged != heard]
     return [_moved(field, layer, heard, both), *idle, *others]
 

@@ -58,7 +58,7 @@ def check_branch_and_bound(scenario: Scenario, game: Game, target: int) -> None:
         InputError: some do not, or there are too many.
     """
     num_nodes, maximum = scenario.num_nodes, scenario.age.maximum
-    outcomes = _outcomes(game, idle_choices=scenario.auvs.idle_choices)
+    outcomes = _outcomes(game, idle_choices=scenario.may_be_idle)
     dead = game.tables[0][0].shape[1]
     highest = num_nodes * scenario.num_slots * maximum
     if max(highest, len(game.neighbours)) > MOST_COUNTED:

@@ -61,6 +61,14 @@ class Pace(NamedTuple):
                 slots[axis], cells[axis] = pace[0], pace[1] * abs(step[axis])
         return Pace(slots, cells)
 
+    def by_offset(self, grid: Grid, steps: npt.ArrayLike) -> Integers:
+        """Slots that a move takes, by code difference + `offset_origin` of its grid."""
+        slots = np.ones(2 * grid.num_codes - 1, dtype=np.int64)
+        for step, count in zip(np.array(steps), self.slots, strict=True):
+            if (abs(step) < np.array(grid.shape)).all():
+                slots[grid.encode(step) + grid.offset_origin] = count
+        return slots
+
     @property
     def takes_slots(self) -> bool:
         """Whether any move takes longer than a slot."""

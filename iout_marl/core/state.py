@@ -16,6 +16,11 @@ from iout_marl.physics.arrays import Array
 STORE_FIELDS = ("spilled_j", "leaked_j", "idle_j", "asleep_slots")
 #: Fields of a state that have no AUVs where no move takes longer than a slot.
 TRANSIT_FIELDS = ("transit_slots", "course")
+#: Fields of a state that have no AUVs where the energy of vehicles has no end.
+VEHICLE_FIELDS = (
+    *("battery_j", "propulsion_j", "hotel_j", "charging_j", "docked_j"),
+    *("distance_m", "stranded_slots"),
+)
 
 
 class State(NamedTuple):
@@ -48,6 +53,14 @@ class State(NamedTuple):
     leaked_j: Array  # (envs, nodes) float, J: energy that the store has lost
     idle_j: Array  # (envs, nodes) float, J: energy that the node has drawn beside uplinks
     asleep_slots: Array  # (envs, nodes) float, count: slots that the node has slept through
+    # What AUVs have, and what has become of it; no AUVs where their energy has no end.
+    battery_j: Array  # (envs, auvs) float, J: energy left in the battery
+    propulsion_j: Array  # (envs, auvs) float, J: energy spent on moves so far
+    hotel_j: Array  # (envs, auvs) float, J: energy drawn all the time, beside moves and charging
+    charging_j: Array  # (envs, auvs) float, J: energy drawn for charging nodes
+    docked_j: Array  # (envs, auvs) float, J: energy that docks have given
+    distance_m: Array  # (envs, auvs) float, m: the way so far
+    stranded_slots: Array  # (envs, auvs) float, count: slots that began with an empty battery
     # What AUVs left undone; no column where they name a node in every slot.
     unasked: Array  # (envs, 1) float, count: slots, summed over AUVs, in which nobody was heard
     # Moves that are not over; no columns where none takes longer than a slot.
@@ -74,6 +87,9 @@ class Events(NamedTuple):
     available_j: Array  # (envs, nodes) float, J: energy stored when the uplinks begin
     delivered: Array  # (envs, auvs) bool: the node heard has delivered its packet
     spent_j: Array  # (envs, auvs) float, J: energy the node heard has spent
+    # Of AUVs; none where the energy of vehicles has no end.
+    drawn_j: Array  # (envs, auvs) float, J: energy drawn from the battery
+    stranded: Array  # (envs, auvs) bool: the battery was empty, and the AUV did nothing
 
     @property
     def payable_j(self) -> Array:

@@ -16,16 +16,25 @@ metrics come after the built-in ones, and are shown wherever those are:
         return xp.sum(events.harvested_j > 0, axis=1)
 """
 
-from iout_marl.metrics.builtin import BUILTIN, DRAWN, OF_SOME, OF_STORES, OF_TIME, TABLED
+from iout_marl.metrics.builtin import (
+    ALL,
+    BUILTIN,
+    DRAWN,
+    OF_STORES,
+    OF_TIME,
+    OF_VEHICLES,
+    TABLED,
+)
 from iout_marl.metrics.metric import Metric
 from iout_marl.metrics.registry import curve_title, described, register, registered, unregister
 
 __all__ = [
+    "ALL",
     "BUILTIN",
     "DRAWN",
-    "OF_SOME",
     "OF_STORES",
     "OF_TIME",
+    "OF_VEHICLES",
     "TABLED",
     "Metric",
     "curve_title",

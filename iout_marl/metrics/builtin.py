@@ -23,7 +23,7 @@ def _jain_violation(world: World, state: State) -> Array:
 
 def _uplink_success(world: World, state: State) -> Array:
     asked = world.slots_over(state) * world.num_auvs
-    if world.idle_choices:
+    if world.may_be_idle:
         # Where nobody has been asked so far, nothing has arrived: 0 of 1.
         xp = world.backend.xp
         asked = xp.maximum(asked - state.unasked[:, 0], xp.ones_like(asked))
@@ -36,6 +36,22 @@ def _asleep_share(world: World, state: State) -> Array:
 
 def _has_limited_stores(scenario: Scenario) -> bool:
     return bool(scenario.storage.part.is_limited)
+
+
+def _over_auvs(world: World, values: Array) -> Array:
+    return world.backend.xp.sum(values, axis=1)
+
+
+def _battery_share(world: World, state: State) -> Array:
+    return _over_auvs(world, state.battery_j) / (world.num_auvs * world.vehicle.capacity_j)
+
+
+def _stranded_share(world: World, state: State) -> Array:
+    return _over_auvs(world, state.stranded_slots) / (world.slots_over(state) * world.num_auvs)
+
+
+def _has_limited_vehicles(scenario: Scenario) -> bool:
+    return bool(scenario.vehicle.part.is_limited)
 
 
 def _reward(world: World, total: Array) -> Array:
@@ -267,8 +283,103 @@ OF_STORES = (
     ),
 )
 
-#: Metrics that not every world has.
-OF_SOME = (*OF_TIME, *OF_STORES)
+#: Of scenarios whose AUVs can run out of energy.
+OF_VEHICLES = (
+    Metric(
+        "distance_m",
+        lambda world, state: _over_auvs(world, state.distance_m),
+        definition="Distance that all AUVs have travelled.",
+        unit="m",
+        heading="distance m",
+        axis_title="Distance travelled in m",
+        title="Distance travelled",
+        tag="vehicle/distance_m",
+        digits=0,
+        low=0.0,
+        applies=_has_limited_vehicles,
+    ),
+    Metric(
+        "propulsion_kj",
+        lambda world, state: _over_auvs(world, state.propulsion_j) / 1000,
+        definition="Energy that all AUVs have spent on moves.",
+        unit="kJ",
+        heading="propulsion kJ",
+        axis_title="Energy for propulsion in kJ",
+        title="Energy for propulsion",
+        tag="vehicle/propulsion_kj",
+        low=0.0,
+        applies=_has_limited_vehicles,
+    ),
+    Metric(
+        "hotel_kj",
+        lambda world, state: _over_auvs(world, state.hotel_j) / 1000,
+        definition="Energy that all AUVs have drawn beside propulsion and charging.",
+        unit="kJ",
+        heading="hotel kJ",
+        axis_title="Energy for hotel load in kJ",
+        title="Energy for hotel load",
+        tag="vehicle/hotel_kj",
+        low=0.0,
+        applies=_has_limited_vehicles,
+    ),
+    Metric(
+        "charging_kj",
+        lambda world, state: _over_auvs(world, state.charging_j) / 1000,
+        definition="Energy that all AUVs have drawn for charging nodes.",
+        unit="kJ",
+        heading="charging kJ",
+        axis_title="Energy for charging in kJ",
+        title="Energy for charging",
+        tag="vehicle/charging_kj",
+        low=0.0,
+        applies=_has_limited_vehicles,
+    ),
+    Metric(
+        "docked_kj",
+        lambda world, state: _over_auvs(world, state.docked_j) / 1000,
+        definition="Energy that docks have given to all AUVs.",
+        unit="kJ",
+        heading="docked kJ",
+        axis_title="Energy from docks in kJ",
+        title="Energy from docks",
+        tag="vehicle/docked_kj",
+        low=0.0,
+        applies=_has_limited_vehicles,
+    ),
+    Metric(
+        "battery_share",
+        _battery_share,
+        definition="Share of their batteries that AUVs have left at the end of the episode.",
+        unit="",
+        heading="battery left",
+        axis_title="Share of the battery left",
+        title="Battery left",
+        tag="vehicle/battery_share",
+        digits=3,
+        better="more",
+        low=0.0,
+        high=1.0,
+        applies=_has_limited_vehicles,
+    ),
+    Metric(
+        "stranded_share",
+        _stranded_share,
+        definition="Share of the AUVs' slots in which their battery was empty.",
+        unit="",
+        heading="stranded",
+        axis_title="Share of AUV-slots stranded",
+        title="AUVs stranded",
+        tag="vehicle/stranded_share",
+        digits=3,
+        better="less",
+        low=0.0,
+        high=1.0,
+        applies=_has_limited_vehicles,
+    ),
+)
+
+#: All built-in metrics: those that every world has come first.
+ALL = (*BUILTIN, *OF_TIME, *OF_STORES, *OF_VEHICLES)
 
 #: What reports of any study draw over the axis, and what they table, in this order; metrics of
 #: users follow.

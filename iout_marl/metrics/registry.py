@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from iout_marl.errors import InputError, did_you_mean
-from iout_marl.metrics.builtin import BUILTIN, OF_SOME
+from iout_marl.metrics.builtin import ALL
 from iout_marl.metrics.metric import Better, Metric
 from iout_marl.physics.arrays import Array
 from iout_marl.whole import short, whole_argument
@@ -15,7 +15,7 @@ from iout_marl.whole import short, whole_argument
 #: Letters of a user's name, and of a text of theirs; digits behind the point.
 _LONGEST_NAME, _LONGEST_TEXT, _MOST_DIGITS = 60, 1_000, 12
 
-_BUILTIN = {metric.name: metric for metric in (*BUILTIN, *OF_SOME)}
+_BUILTIN = {metric.name: metric for metric in ALL}
 _OF_USERS: dict[str, Metric] = {}
 
 

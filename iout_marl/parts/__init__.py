@@ -34,6 +34,7 @@ from iout_marl.parts.placement import Placement, placements
 from iout_marl.parts.reward import Reward, rewards
 from iout_marl.parts.storage import Rest, Storage, storages
 from iout_marl.parts.uplink import Uplink, uplinks
+from iout_marl.parts.vehicle import Vehicle, vehicles
 from iout_marl.scenario.fields import (
     Count,
     Decibels,
@@ -76,6 +77,7 @@ __all__ = [
     "Storage",
     "Uplink",
     "Uplinks",
+    "Vehicle",
     "absorptions",
     "access_rules",
     "at_work",
@@ -93,6 +95,7 @@ __all__ = [
     "rewards",
     "storages",
     "uplinks",
+    "vehicles",
 ]
 
 # Whatever lies in the folder of a role registers itself; so do the trainer's own parts.

@@ -33,6 +33,7 @@ from iout_marl.physics.propagation import (
     table_attenuation_db,
     transmission_loss_db,
 )
+from iout_marl.physics.propulsion import economical_speed_m_per_s, propulsion_power_w
 from iout_marl.physics.sound_speed import mackenzie_sound_speed_m_per_s
 from iout_marl.physics.splitting import (
     attenuation_at_balance_db,
@@ -69,6 +70,7 @@ __all__ = [
     "attenuation_distance_m",
     "available_power_w",
     "beta_star",
+    "economical_speed_m_per_s",
     "electrical_power_w",
     "francois_garrison_absorption_db_per_km",
     "g",
@@ -84,6 +86,7 @@ __all__ = [
     "kappa_3",
     "mackenzie_sound_speed_m_per_s",
     "modem_energy_j",
+    "propulsion_power_w",
     "received_level_db",
     "required_energy_j",
     "required_snr",

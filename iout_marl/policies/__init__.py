@@ -10,6 +10,7 @@ from iout_marl.policies.named import BASELINES, POLICIES, make_baseline
 from iout_marl.policies.planned import PlannerPolicy, Tour
 from iout_marl.policies.policy import Actions, Policy, is_deterministic, take_actions
 from iout_marl.policies.predicting import BasePolicy, ObservationPolicy
+from iout_marl.policies.returning import Return
 from iout_marl.policies.search import DEFAULT_BUDGET, Budget
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "PlannerPolicy",
     "Policy",
     "RandomWalk",
+    "Return",
     "RoundRobin",
     "Tour",
     "as_policy",

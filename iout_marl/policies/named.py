@@ -8,6 +8,7 @@ from iout_marl.errors import InputError, did_you_mean
 from iout_marl.policies.baselines import Greedy, RandomWalk, RoundRobin
 from iout_marl.policies.planned import PlannerPolicy, Tour
 from iout_marl.policies.predicting import BasePolicy
+from iout_marl.policies.returning import Return
 
 #: The baselines by name, in the order in which tables list them.
 BASELINES: dict[str, Callable[[], BasePolicy]] = {
@@ -16,8 +17,13 @@ BASELINES: dict[str, Callable[[], BasePolicy]] = {
     "greedy": Greedy,
     "tour": Tour,
 }
-#: All that need no training: those, and one that takes its time for every layout.
-POLICIES: dict[str, Callable[[], BasePolicy]] = {**BASELINES, "planner": PlannerPolicy}
+#: All that need no training: those, one for AUVs with batteries and docks, and one that takes its
+#: time for every layout.
+POLICIES: dict[str, Callable[[], BasePolicy]] = {
+    "return": Return,
+    **BASELINES,
+    "planner": PlannerPolicy,
+}
 
 
 def make_baseline(name: str) -> BasePolicy:

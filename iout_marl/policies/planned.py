@@ -101,5 +101,6 @@ def _foreseen(plan: Plan | None, state: State) -> int | None:
         and np.array_equal(expected.age, state.age[0])
         # The last digits depend on how many environments are computed at once.
         and np.allclose(expected.energy_j, state.energy_j[0], rtol=1e-6)
+        and np.allclose(expected.battery_j, state.battery_j[0], rtol=1e-6)
     )
     return row if alike else None

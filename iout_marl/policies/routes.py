@@ -52,13 +52,9 @@ def tours(
         (reaches, slots, auvs, 3) cells from 0 that AUVs go to in each slot.
     """
     points = nodes.astype(np.float64)
-    shares = assign_nodes(points, starts.astype(np.float64))
     stops = -(-len(nodes) // len(starts))
     waypoints = np.empty((len(REACHES), len(starts), stops, 3), dtype=np.int64)
-    for auv, share in enumerate(shares):
-        # An AUV without a share stays about the middle of them all.
-        own = points[share] if len(share) else points.mean(axis=0, keepdims=True)
-        own = own[tour_order(own)]
+    for auv, own in enumerate(rounds(points, starts.astype(np.float64))):
         middle = own.mean(axis=0)
         padded = own[np.minimum(np.arange(stops), len(own) - 1)]
         for reach, row in zip(REACHES, waypoints, strict=True):
@@ -72,6 +68,20 @@ def tours(
         np.tile(np.broadcast_to(waits, len(starts)), len(REACHES)),
     )
     return cells.reshape(num_slots, len(REACHES), len(starts), 3).swapaxes(0, 1)
+
+
+def rounds(nodes: Points, starts: Points) -> list[Points]:
+    """The nodes that each AUV looks after, in the order of a short round.
+
+    An AUV that looks after none stays about the middle of them all.
+
+    Args:
+        nodes: (nodes, 3) coordinates.
+        starts: (auvs, 3) coordinates.
+    """
+    shares = assign_nodes(nodes, starts)
+    owned = [nodes[share] if len(share) else nodes.mean(axis=0, keepdims=True) for share in shares]
+    return [own[tour_order(own)] for own in owned]
 
 
 def assign_nodes(nodes: Points, starts: Points) -> list[Indices]:

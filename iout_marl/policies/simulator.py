@@ -55,7 +55,11 @@ class Simulator:
 
     def actions(self, state: State, direction: Integers) -> Integers:
         """Whole actions after (envs, auvs) directions, (urgency_exponents, envs, auvs, entries)."""
-        cell = self.world.motion.move(state, direction).cell
+        motion, vehicle = self.world.motion, self.world.vehicle
+        stays = (
+            vehicle.stays(state, motion.targets(state, direction)) if vehicle.is_limited else None
+        )
+        cell = motion.move(state, direction, stays).cell
         nodes = greedy_action(self.world, state, cell, self.urgency_exponents)
         directions = np.broadcast_to(direction[..., None], (*nodes.shape[:-1], 1))
         return np.concatenate([directions, nodes], axis=-1)

@@ -48,6 +48,7 @@ class Snapshot:
     beta: Floats | None  # (auvs,) TDD's share of the last slot for charging; 0 in FDD
     edges_m: tuple[float, float, float] = (1.0, 1.0, 1.0)  # m: edges of a cell along x, y and z
     capacity_j: float | None = None  # J: the most that a node stores; None for no limit
+    battery: Floats | None = None  # (auvs,) share of it that is left; None without end of energy
 
     @classmethod
     def from_world(
@@ -84,6 +85,7 @@ class Snapshot:
             heard=None if events is None else np.array(events.heard[env], dtype=np.int64),
             delivered=None if events is None else np.array(events.delivered[env], dtype=np.bool_),
             beta=None if events is None else np.array(events.beta[env], dtype=np.float64),
+            battery=battery_shares(world, state, env),
         )
 
     def drawable(self) -> Snapshot:
@@ -147,6 +149,20 @@ class Snapshot:
             for auv, (node, arrived) in enumerate(pairs)
             if node < self.num_nodes
         ]
+
+
+def battery_shares(world: World, state: State, env: int) -> Floats | None:
+    """What AUVs of an environment have left of their batteries, (auvs,); None where none has one.
+
+    Args:
+        world: the world, on NumPy.
+        state: where it is.
+        env: index of the environment.
+    """
+    if not world.vehicle.is_limited:
+        return None
+    shares = np.array(state.battery_j[env], dtype=np.float64) / world.vehicle.capacity_j
+    return np.clip(shares, 0.0, 1.0)
 
 
 def _drawable(values: npt.ArrayLike) -> Floats:

@@ -142,6 +142,9 @@ def _auv_table(s: Snapshot, names: list[str]) -> list[str]:
             )
         if s.splits_slot and s.beta is not None:
             words.append(f"beta {s.beta[auv]:.2f}")
+        if s.battery is not None:
+            left = s.battery[auv]
+            words.append(f"battery {left:.0%}" if left > 0 else "battery empty")
         lines.append("  ".join(words))
     if s.num_auvs > MAX_AUVS:
         lines.append(f"… and {s.num_auvs - MAX_AUVS} more AUVs")

@@ -200,6 +200,7 @@ def _episode(r: Recording) -> dict[str, Any]:
         "spent": _short(r.spent_j),
         "ages": _short(r.ages),
         "energies": _short(r.energy_j),
+        **({} if r.battery is None else {"battery": _short(r.battery)}),
     }
 
 

@@ -43,6 +43,8 @@ ARRAYS = {
     "ages": _Array(("slots + 1", "nodes"), float),
     "energy_j": _Array(("slots + 1", "nodes"), float),
 }
+#: Arrays of some episodes.
+OPTIONAL_ARRAYS = {"battery": _Array(("slots + 1", "auvs"), float, 0, 1)}
 TEXTS = ("scenario", "scenario_hash", "scenario_yaml", "policy", "duplex")
 #: Numbers, with the least that each may be; some of them must be more.
 NUMBERS = {
@@ -102,6 +104,10 @@ class Reader:
             raise self.fault("capacity_j", f"must be a number above 0, not {short(value)}")
         return None if value is None else float(value)
 
+    def battery(self, sizes: Mapping[str, int], grid: tuple[int, int, int]) -> Any:
+        """What AUVs have left; None where their energy has no end, and nothing is written."""
+        return None if self._data.get("battery") is None else self.array("battery", sizes, grid)
+
     def spacing(self) -> Spacing:
         """The edge of a cell, or three."""
         value = self._data["spacing_m"]
@@ -151,7 +157,7 @@ class Reader:
 
     def array(self, name: str, sizes: Mapping[str, int], grid: tuple[int, int, int]) -> Any:
         """An array of the shape, the type and the range that its table says."""
-        expected = ARRAYS[name]
+        expected = (ARRAYS | OPTIONAL_ARRAYS)[name]
         shape = tuple(sizes[axis] for axis in expected.axes)
         try:
             array = np.array(self._data[name])

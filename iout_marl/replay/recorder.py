@@ -10,6 +10,7 @@ from iout_marl.core.reasons import Reason
 from iout_marl.errors import InputError
 from iout_marl.evaluation import play
 from iout_marl.policies import AnyPolicy, Policy, policy_for
+from iout_marl.render.snapshot import battery_shares
 from iout_marl.replay.recording import Recording
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario, to_yaml
 from iout_marl.world import Events, State, World
@@ -42,7 +43,12 @@ class Recorder:
             "path": self._cells[state.cell[env]],
             "ages": np.array(state.age[env], dtype=np.float64),
             "energy_j": np.array(state.energy_j[env], dtype=np.float64),
+            **self._battery(state),
         }
+
+    def _battery(self, state: State) -> dict[str, Any]:
+        battery = battery_shares(self._world, state, self._env)
+        return {} if battery is None else {"battery": battery}
 
     def add(self, events: Events, state: State) -> None:
         """Take a slot down.

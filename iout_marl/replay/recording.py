@@ -52,6 +52,8 @@ class Recording:
         rewards: (slots, auvs).
         ages: (slots + 1, nodes) Age of Information in slots, the first ones first.
         energy_j: (slots + 1, nodes) energy stored in J.
+        battery: (slots + 1, auvs) share of its battery that each AUV has; None where their energy
+            has no end.
     """
 
     scenario: str
@@ -82,6 +84,7 @@ class Recording:
     ages: Floats
     energy_j: Floats
     capacity_j: float | None = None
+    battery: Floats | None = None
 
     @property
     def slots(self) -> int:
@@ -153,6 +156,7 @@ class Recording:
             heard=self._named(self.heard[slot]) if place else None,
             delivered=self.delivered[slot] if place else None,
             beta=self.beta[slot] if place else None,
+            battery=None if self.battery is None else self.battery[place],
         )
 
     def _named(self, node: Integers) -> Integers:
@@ -181,6 +185,7 @@ class Recording:
             "splits_slot": self.splits_slot,
             "reasons": [[reason.code, reason.text] for reason in self.reasons],
             **({} if self.capacity_j is None else {"capacity_j": self.capacity_j}),
+            **({} if self.battery is None else {"battery": self.battery.tolist()}),
             **arrays,
         }
 
@@ -231,5 +236,6 @@ class Recording:
             splits_slot=read.flag("splits_slot"),
             reasons=reasons,
             capacity_j=read.capacity(),
+            battery=read.battery(sizes, grid),
             **found,
         )

@@ -60,6 +60,10 @@ class Scenario(Section):
     storage: Annotated[Settings, PartOf("storage", default="unlimited")] = Field(
         {"kind": "unlimited"}, validate_default=True
     )
+    #: What energy the AUVs have, and what they spend it on.
+    vehicle: Annotated[Settings, PartOf("vehicle", default="unlimited")] = Field(
+        {"kind": "unlimited"}, validate_default=True
+    )
     #: The packets of the nodes, and the band they are sent in.
     uplink: Annotated[Settings, PartOf("uplink", default="shannon")]
     #: How charging and uplink share the slot.
@@ -74,7 +78,10 @@ class Scenario(Section):
     )
     training: Training
 
-    hash_defaults: ClassVar[dict[str, Any]] = {"storage": {"kind": "unlimited"}}
+    hash_defaults: ClassVar[dict[str, Any]] = {
+        "storage": {"kind": "unlimited"},
+        "vehicle": {"kind": "unlimited"},
+    }
     not_hashed: ClassVar[frozenset[str]] = frozenset({"name", "description"})
 
     @field_validator("allow_implausible")
@@ -105,6 +112,7 @@ class Scenario(Section):
             self.harvester,
             self.uplink,
             self.storage,
+            self.vehicle,
             self.duplex,
             self.reward,
             *entries,
@@ -255,6 +263,11 @@ class Scenario(Section):
     def num_auvs(self) -> int:
         """M."""
         return self.auvs.count or len(self.auvs.start_cells)
+
+    @property
+    def may_be_idle(self) -> bool:
+        """Whether an AUV may charge and hear nobody: by choice, or for want of energy."""
+        return bool(self.auvs.idle_choices or self.vehicle.part.is_limited)
 
     @property
     def slot_s(self) -> float:

@@ -196,6 +196,28 @@ def check_storage(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
     check_reasons(part, scenario, seeds)
 
 
+@unheard
+def check_vehicle(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
+    """Energy is conserved, AUV by AUV, and never below 0; who is stranded does nothing; reasons."""
+    world = World(scenario, len(seeds))
+    state = first_state(world, seeds)
+    for slot, action in enumerate(actions_for(world, seeds[0]) if part.is_limited else ()):
+        before = state
+        state, events = world.step(before, action)
+        where = f"slot {slot} by seeds {seeds}"
+        spent_j = state.propulsion_j + state.hotel_j + state.charging_j
+        come_j = world.vehicle.initial_j + state.docked_j
+        gap_j = np.abs(come_j - spent_j - state.battery_j)
+        assert (gap_j <= 1e-9 * come_j).all(), (
+            f"{where}: energy is not conserved, by {gap_j.max()} J"
+        )
+        assert (state.battery_j >= 0).all(), f"{where}: a battery has less than nothing"
+        idle = (state.cell == before.cell) & (events.harvested_j == 0) & ~events.delivered
+        assert (idle | ~events.stranded).all(), f"{where}: an AUV that is stranded did something"
+    check_tables(part, scenario, seeds)
+    check_reasons(part, scenario, seeds)
+
+
 CHECKS: Mapping[str, Callable[[Any, Scenario, Sequence[int]], None]] = {
     "absorption": check_absorption,
     "access": check_reasons,
@@ -207,4 +229,5 @@ CHECKS: Mapping[str, Callable[[Any, Scenario, Sequence[int]], None]] = {
     "placement": check_placement,
     "storage": check_storage,
     "uplink": check_uplink,
+    "vehicle": check_vehicle,
 }

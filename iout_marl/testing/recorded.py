@@ -18,6 +18,8 @@ MOST_SLOTS = 24
 #: Fields with an axis of AUVs, and with one of nodes.
 OF_AUVS = {
     *("cell", "seen_age", "seen_energy_j", "seen_slot", "others_age", "others_deliveries"),
+    *("battery_j", "propulsion_j", "hotel_j", "charging_j", "docked_j", "distance_m"),
+    *("stranded_slots", "drawn_j", "stranded"),
     *("left_grid", "blocked", "charged", "heard", "beta", "event harvested_j", "delivered"),
     *(
         "transit_slots",
@@ -59,9 +61,8 @@ class Slot:
         """What it would have led to, had nodes or AUVs been in this order."""
         found = {}
         for name, array in self.values.items():
-            # Fields of what a scenario does not have are without columns.
-            if auvs is not None and name in OF_AUVS and array.shape[1]:
-                array = array[:, auvs]  # noqa: PLW2901
+            if auvs is not None and name in OF_AUVS:
+                array = array[:, auvs[: array.shape[1]]]  # noqa: PLW2901
             if nodes is not None and name in OF_NODES:
                 array = array[..., nodes[: array.shape[-1]]]  # noqa: PLW2901
             if nodes is not None and name in CHOSEN_NODES:

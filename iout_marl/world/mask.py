@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from iout_marl.core.state import State
-from iout_marl.parts import Context, Storage
+from iout_marl.parts import Context, Storage, Vehicle
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
 from iout_marl.world.motion import Mover
@@ -22,15 +22,26 @@ class ActionMask:
     may be chosen: what cannot send is charged. Nor is a node masked out that
     the AUV does not see, and AUVs that it does not see may be anywhere: of energies and of
     other AUVs the mask tells no more than the observation. Positions of nodes count as known.
+
+    To an AUV whose battery is empty, which does nothing, staying and nobody are left, as far as
+    they are choices.
     """
 
     def __init__(
-        self, scenario: Scenario, context: Context, motion: Mover, storage: Storage
+        self,
+        scenario: Scenario,
+        context: Context,
+        motion: Mover,
+        storage: Storage,
+        vehicle: Vehicle,
     ) -> None:
         backend, link = context.backend, context.link
         self._view = context.view
         self._link = link
         self._storage = storage
+        self._vehicle = vehicle
+        rests = ~motion.steps.any(axis=1)
+        self._rests = backend.xp.asarray(rests, device=backend.device) if rests.any() else None
         self._motion = motion
         self._xp = backend.xp
         self._num_nodes = scenario.num_nodes
@@ -57,12 +68,22 @@ class ActionMask:
             if self._view.is_limited:
                 may_pay = may_pay | ~self._view.sees(state.cell, state.node_cell)
             masks.append(may_pay)
+        if self._vehicle.is_limited:
+            masks = self._for_stranded(state, masks)
         if self._idle_choices:
             nobody = any_node[..., :1]
-            masks = [inside, *(xp.concat([mask, nobody], axis=-1) for mask in masks[1:])]
+            masks = [masks[0], *(xp.concat([mask, nobody], axis=-1) for mask in masks[1:])]
         # A choice needs at least one way to go.
         masks = [mask | ~xp.any(mask, axis=-1, keepdims=True) for mask in masks]
         return xp.concat(masks, axis=-1)
+
+    def _for_stranded(self, state: State, masks: list[Array]) -> list[Array]:
+        """Directions, and nodes without nobody, of what AUVs can do that may be stranded."""
+        can_act = ~self._vehicle.is_stranded(state.battery_j)[..., None]
+        inside, *nodes = masks
+        if self._rests is not None:
+            inside = inside & (can_act | self._rests)
+        return [inside, *([mask & can_act for mask in nodes] if self._idle_choices else nodes)]
 
     def _may_pay(self, state: State) -> Array:
         link = self._link

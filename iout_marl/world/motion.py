@@ -83,7 +83,7 @@ class Mover:
         )
         return {"transit_slots": nothing, "course": nothing}
 
-    def move(self, state: State, direction: Array) -> Moved:
+    def move(self, state: State, direction: Array, stays: Array | None = None) -> Moved:
         """One slot's moves (eq. `direction`), all at once; who would leave the grid stays.
 
         Of AUVs whose moves would end too near one another, or swap their cells, all that
@@ -95,6 +95,8 @@ class Mover:
         Args:
             state: the state before the slot, of any number of environments.
             direction: (envs, auvs) indices of directions.
+            stays: (envs, auvs) bool, who stays whatever its direction, and gives up a move that is
+                not over; None for nobody.
         """
         xp, cell, transit_slots = self._xp, state.cell, state.transit_slots
         course = state.course
@@ -106,8 +108,12 @@ class Mover:
         target = lookup(xp, self.neighbour, index)
         if self.takes_slots:
             needed = xp.where(under_way, transit_slots, lookup(xp, self._slots, index))
+            if stays is not None:
+                needed = xp.where(stays, self._one, needed)
             target = xp.where(needed > self._one, cell, target)
             transit_slots = needed - self._one
+        if stays is not None:
+            left_grid, target = left_grid & ~stays, xp.where(stays, cell, target)
         if cell.shape[1] == 1 or not self._keeps_apart:
             return Moved(target, left_grid, left_grid & self._never, transit_slots, course)
         if self._most_cells == 1:
@@ -191,12 +197,19 @@ class Mover:
         neighbours = xp.where(under_way, self.heading(state)[..., None], neighbours)
         return xp.where(needed > self._one, cell, neighbours)
 
-    def heading(self, state: State) -> Array:
+    def heading(self, at: State | Moved) -> Array:
         """The cells that AUVs under way go to, and those that others are in: (envs, auvs)."""
         if not self.takes_slots:
-            return state.cell
-        target = lookup(self._xp, self.neighbour, state.cell * self._per_cell + state.course)
-        return self._xp.where(state.transit_slots > 0, target, state.cell)
+            return at.cell
+        target = lookup(self._xp, self.neighbour, at.cell * self._per_cell + at.course)
+        return self._xp.where(at.transit_slots > 0, target, at.cell)
+
+    def targets(self, state: State, direction: Array) -> Array:
+        """The cells that AUVs head for in a slot in which they name these: (envs, auvs)."""
+        target = lookup(self._xp, self.neighbour, state.cell * self._per_cell + direction)
+        if not self.takes_slots:
+            return target
+        return self._xp.where(state.transit_slots > 0, self.heading(state), target)
 
     def _every_direction(self, cell: Array) -> Array:
         """Index into the tables of each direction from each cell."""

@@ -49,6 +49,8 @@ class Observer:
         )
         pace = Pace.from_scenario(scenario)
         self._has_transit, self._most_waits = pace.takes_slots, int(pace.slots.max()) - 1
+        self._vehicle = scenario.vehicle.part
+        batteries = scenario.num_auvs if self._vehicle.is_limited else 0
         cell = represent.position_ranges()
         self.state_ranges = Ranges.joined(
             [
@@ -57,7 +59,7 @@ class Observer:
                 represent.energy_ranges(),
                 represent.count_ranges(),
                 *[cell] * scenario.num_nodes,
-                Ranges.uniform(1, 0, 1, 1),
+                Ranges.uniform(1 + batteries, 0, 1, 1),
                 *[represent.wait_ranges(scenario.num_auvs, self._most_waits)] * self._has_transit,
             ]
         )
@@ -80,8 +82,9 @@ class Observer:
         """What a central critic sees, written as observations are: (envs, entries).
 
         Positions of all AUVs, ages, energies and deliveries of all nodes, positions of
-        the nodes, share of the episode that is over; where moves may take longer than a slot, how
-        many slots those of the AUVs still take.
+        the nodes, share of the episode that is over; of AUVs with batteries, what share of them
+        is left; where moves may take longer than a slot, how many slots those of the AUVs still
+        take.
         """
         represent, num_envs = self._represent, state.cell.shape[0]
         auvs, nodes = (
@@ -96,6 +99,8 @@ class Observer:
             nodes,
             represent.time(state.slot),
         ]
+        if self._vehicle.is_limited:
+            parts.append(state.battery_j / self._vehicle.capacity_j)
         if self._has_transit:
             slots = self._xp.astype(state.transit_slots, state.age.dtype)
             parts.append(represent.waits(slots, self._most_waits))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from iout_marl.core.reasons import NOBODY_ASKED, NOT_STATED, Reason
+from iout_marl.core.reasons import NOBODY_ASKED, NOT_STATED, STRANDED, Reason
 from iout_marl.core.state import Events, State
 from iout_marl.parts import Request
 from iout_marl.physics.arrays import Array
@@ -53,6 +53,8 @@ def outcomes(world: World, before: State, events: Events, after: State) -> Outco
         has_reason = ~np.asarray(named.hears)
         for env, auv in np.argwhere(has_reason).tolist():
             found[env][auv] = NOBODY_ASKED
+    for env, auv in np.argwhere(np.asarray(events.stranded)).tolist():
+        found[env][auv] = STRANDED
     silent, unheard = ~np.asarray(sends), np.asarray(sends)
     for part, among, reasons in (
         (world.storage, silent, world.storage.why_silent(wanted, available_j, sends)),

@@ -30,6 +30,7 @@ from iout_marl.parts import (
     Request,
     Reward,
     Storage,
+    Vehicle,
     at_work,
 )
 from iout_marl.physics.arrays import Array, cast
@@ -74,9 +75,10 @@ class World:
         summed: those of them that each slot adds to, in the order of `State.sums`.
         num_envs, num_auvs, num_nodes, num_slots: sizes of the batch, of the fleet, of the
             network, of an episode.
-        idle_choices: whether an AUV may name K, which is nobody (`auvs.idle_choices`).
+        may_be_idle: whether an AUV may charge and hear nobody, which is K: by choice
+            (`auvs.idle_choices`), or for want of energy.
         action_sizes: number of choices of each entry of an AUV's action: (directions, K, K)
-            in FDD, (directions, K) in TDD; K + 1 for K with `idle_choices`.
+            in FDD, (directions, K) in TDD; K + 1 for K with `auvs.idle_choices`.
 
     Raises:
         InputError: no such scenario, a fault in it, an argument is something else, or the
@@ -111,9 +113,9 @@ class World:
         self.grid = Grid.from_scenario(scenario)
         self.link = Link(scenario, self.grid, backend)
         self.motion = Mover(scenario, self.grid, backend)
-        self.idle_choices = scenario.auvs.idle_choices
+        self.may_be_idle = scenario.may_be_idle
         self.nodes = NodeAxis(
-            num_envs, self.num_auvs, self.num_nodes, backend, idle_choices=self.idle_choices
+            num_envs, self.num_auvs, self.num_nodes, backend, may_be_idle=self.may_be_idle
         )
         self.sampling = Sampling(scenario, self.link, backend)
         self.view = View(scenario, self.link, self.nodes, backend)
@@ -133,14 +135,15 @@ class World:
         with scenario.observation.entry.blamed():
             self.representation.setup(context)
         self.storage: Storage = at_work(scenario.storage, context)
+        self.vehicle: Vehicle = at_work(scenario.vehicle, context)
         self.duplex: Duplex = at_work(scenario.duplex, context)
         self.access: Access = at_work(scenario.channel.access, context)
         self.reward_part: Reward = at_work(scenario.reward, context)
         self.observer = Observer(scenario, context)
-        self.action_mask = ActionMask(scenario, context, self.motion, self.storage)
+        self.action_mask = ActionMask(scenario, context, self.motion, self.storage, self.vehicle)
         self.action_sizes = (
             self.motion.num_directions,
-            *(self.num_nodes + self.idle_choices,) * self.duplex.num_choices,
+            *(self.num_nodes + scenario.auvs.idle_choices,) * self.duplex.num_choices,
         )
         start = self.grid.encode(start_cells(scenario, self.grid))
         # Brought to the device here: later an accelerator would have to stop for them.
@@ -201,7 +204,8 @@ class World:
             **self.storage.first(self.num_envs),
             **self.view.first(self.num_envs),
             **self.credit.first(self.num_envs),
-            unasked=backend.zeros((self.num_envs, int(self.idle_choices))),
+            **self.vehicle.first(self.num_envs),
+            unasked=backend.zeros((self.num_envs, int(self.may_be_idle))),
             **self.motion.first(self.num_envs),
             sums=backend.zeros((self.num_envs, len(self.summed))),
         )
@@ -220,10 +224,11 @@ class World:
         Args:
             state: the state before the slot.
             action: (envs, auvs, entries) int: direction, node charged, node heard (FDD),
-                or direction, node (TDD), each below its `action_sizes`. With `idle_choices`
-                node K is nobody. An AUV that charges nobody makes no sound for it, and in TDD its
-                β is 0. One that hears nobody gets no packet, no node spends anything for it, and
-                it takes no part of the band.
+                or direction, node (TDD), each below its `action_sizes`. With
+                `auvs.idle_choices` node K is nobody. An AUV that charges nobody makes no sound
+                for it, and in TDD its β is 0. One that hears nobody gets no packet, no node spends
+                anything for it, and it takes no part of the band. So it is with an AUV whose
+                battery is empty, whatever it names; its direction is ignored, too.
 
         Returns:
             the state after the slot, and what happened in it.
@@ -231,7 +236,13 @@ class World:
         xp, link, nodes = self.backend.xp, self.link, self.nodes
         charged, heard = action[..., 1], action[..., -1]
 
-        cell, left_grid, blocked, transit_slots, course = self.motion.move(state, action[..., 0])
+        stays, stranded = None, self.vehicle.none_stranded
+        if self.vehicle.is_limited:
+            stranded = self.vehicle.is_stranded(state.battery_j)
+            stays = self.vehicle.stays(state, self.motion.targets(state, action[..., 0]))
+            charged, heard = (xp.where(stranded, self._nobody, each) for each in (charged, heard))
+        moved = self.motion.move(state, action[..., 0], stays)
+        heading = cell = moved.cell
 
         (
             heard_index,
@@ -246,6 +257,15 @@ class World:
         split = self.duplex.split(charged_offset, heard_offset, stored_j)
         if charges is not None:
             split = self.without_idle(split, charges)
+        if self.vehicle.is_limited:
+            heading = self.motion.heading(moved)
+            can_charge = self.vehicle.can_charge(state, heading, split.charging_s)
+            charged = xp.where(can_charge, charged, self._nobody)
+            if self.duplex.num_choices == 1:
+                # Charging and hearing are one act.
+                heard, hears = charged, hears & can_charge
+            split = self.without_idle(split, can_charge)
+        vehicle, drawn_j = self.vehicle.after(state, cell, heading, stranded, split.charging_s)
         # Eq. `E harvested`; a node charged by two AUVs gets both.
         harvested_j = link.at(link.harvested_w, charged_offset) * split.charging_s
         come_j = nodes.scatter_add(state.energy_j, charged_index, harvested_j)
@@ -292,16 +312,17 @@ class World:
             harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
             spent_j=state.spent_j + _over_auvs(xp, spent_j),
             unasked=state.unasked if hears is None else state.unasked + self._number_unasked(hears),
-            transit_slots=transit_slots,
-            course=course,
+            transit_slots=moved.transit_slots,
+            course=moved.course,
             sums=state.sums,
             **stores,
+            **vehicle,
             **self.view.after(state, cell, age, stores["energy_j"], heard_index, delivered),
             **self.credit.after(state, age, heard_index, delivered),
         )
         events = Events(
-            left_grid=left_grid,
-            blocked=blocked,
+            left_grid=moved.left_grid,
+            blocked=moved.blocked,
             charged=charged,
             heard=heard,
             beta=split.beta,
@@ -309,6 +330,8 @@ class World:
             available_j=available_j,
             delivered=delivered,
             spent_j=spent_j,
+            drawn_j=drawn_j,
+            stranded=stranded,
         )
         if self.summed:
             more = [metric.values(self, new_state, events)[:, None] for metric in self.summed]
@@ -325,7 +348,7 @@ class World:
         """
         link, nodes = self.link, self.nodes
         charges = hears = None
-        if self.idle_choices:
+        if self.may_be_idle:
             charges, hears = charged < self._nobody, heard < self._nobody
         heard_index = nodes.flat_index(heard)
         heard_cell = nodes.gather(node_cell, heard_index)

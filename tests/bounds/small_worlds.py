@@ -70,7 +70,8 @@ def at_sea(rng, spacing_m, slots):
 def least_age_sum(scenario):
     """The optimum: the least sum of ages over nodes and slots.
 
-    States of the world are alike if cells, moves that are not over, ages and energies are.
+    States of the world are alike if cells, moves that are not over, ages and energies, those of
+    batteries too, are.
     """
     world = World(scenario)
     state = world.reset(node_codes(scenario, world.grid, [np.random.default_rng(0)]))
@@ -86,7 +87,8 @@ def least_age_sum(scenario):
         step = World(scenario, rows * len(actions))
         state, _ = step.step(batch, np.tile(actions, (rows, 1, 1)))
         under_way = state.transit_slots, np.where(state.transit_slots > 0, state.course, 0)
-        same = np.concatenate([state.cell, *under_way, state.age, state.energy_j.round(6)], axis=1)
+        energies = state.energy_j.round(6), state.battery_j.round(6)
+        same = np.concatenate([state.cell, *under_way, state.age, *energies], axis=1)
         order = np.lexsort((state.age_sum, *same.T))
         differs = (same[order][1:] != same[order][:-1]).any(axis=1)
         state = State(*(array[order[np.append(True, differs)]] for array in state))

@@ -21,6 +21,7 @@ SETTINGS = {
     "duplex": ("tdd", {"duplex": {"kind": "of_the_test"}}),
     "placement": ("fixed", {"nodes": {"kind": "of_the_test", "cells": [[1, 1, 1], [3, 3, 1]]}}),
     "storage": ("unlimited", {"storage": "of_the_test"}),
+    "vehicle": ("unlimited", {"vehicle": "of_the_test"}),
     "reward": ("mean_age", {"reward": {"kind": "of_the_test"}}),
     "absorption": ("thorp", {"channel.absorption": {"kind": "of_the_test"}}),
 }
@@ -31,6 +32,7 @@ REGISTRIES = {
     "duplex": parts.duplexes,
     "placement": parts.placements,
     "storage": parts.storages,
+    "vehicle": parts.vehicles,
     "reward": parts.rewards,
     "absorption": parts.absorptions,
 }
@@ -60,7 +62,7 @@ def world(settings=(), **options):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "role", ["access", "motion", "beta rule", "duplex", "placement", "storage"]
+    "role", ["access", "motion", "beta rule", "duplex", "placement", "storage", "vehicle"]
 )
 def test_one_that_is_relied_on_is_named(from_outside, role):
     found = bound(world(from_outside(role)), seconds=1)

@@ -66,6 +66,23 @@ def draw_settings(rng: np.random.Generator) -> tuple[str, Settings]:
             "leakage_w": capacity_j * one_of(0.0, 1e-4, 0.1),
             "idle_w": capacity_j * one_of(0.0, 1e-3, 0.2),
         }
+    has_battery = rng.random() < 0.4
+    if has_battery:
+        # Of at most so many slots of hotel load and moves.
+        slot_s, lasts = spacing_m / speed, one_of(1.5, 4.0, 30.0)
+        hotel_w = one_of(0.0, 40.0, 500.0)
+        move_w = 0.5 * 1025 * 0.006 * 3.0 * speed**3 / 0.7
+        settings["vehicle"] = {
+            "kind": "battery",
+            "capacity_j": lasts * (hotel_w + move_w + one_of(0.0, 1e3)) * slot_s,
+            "initial_share": one_of(0.7, 1.0),
+            "drag_area_m2": 3.0,
+            "drag_coefficient": 0.006,
+            "propulsion_efficiency": 0.7,
+            "hotel_w": hotel_w,
+            "docks": cells[: int(rng.integers(0, 4))].tolist(),
+            "dock_power_w": hotel_w + one_of(10.0, 5e3),
+        }
     kind = one_of("fdd", "tdd")
     settings["duplex"] = {"kind": kind}
     if kind == "tdd":
@@ -100,11 +117,16 @@ def draw_settings(rng: np.random.Generator) -> tuple[str, Settings]:
             sometimes(reward, key, 0.0, 1.0, 10.0, -2.0)
         for key in ("no_able_node", "wrong_node", "only_charging", "only_transmitting"):
             sometimes(reward, f"{key}_penalty", 0.0, 4.0, -1.0)
+    if has_battery:
+        sometimes(reward, "stranded_penalty", 0.0, 5.0, -1.0)
+        sometimes(reward, "vehicle_energy_penalty_per_kj", 0.0, 0.01)
     settings["reward"] = reward
     observation: Settings = {"kind": one_of("paper", "scaled")}
     for key in ("node_positions", "time", "other_auvs", "agent_index"):
         sometimes(observation, key, True, False)
     sometimes(observation, "view_range_m", None, 0.5 * spacing_m, 2 * spacing_m)
+    if has_battery:
+        observation["entries"] = ["battery", "batteries"][: min(num_auvs, 2)]
     sometimes(observation, "action_mask", "none", "info", "observation")
     settings["observation"] = observation
     return f"paper/k3-{kind}", settings

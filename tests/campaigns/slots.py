@@ -89,9 +89,48 @@ class Laws:
         arrives = (self.cells[after.cell] == target).all(-1)
         law("a move leads to its cell or nowhere", stays | arrives)
         law("who would leave the grid stays", inside | stays)
-        law("leaving the grid is noticed", events.left_grid == (~inside & (not self.one_cell)))
+        halted = np.zeros_like(inside)
+        if self.world.vehicle.is_limited:
+            halted = self._batteries(before, after, events, old, target, inside)
+        leaves = ~inside & ~halted & (not self.one_cell)
+        law("leaving the grid is noticed", events.left_grid == leaves)
         law("who is blocked stays", ~events.blocked | stays)
-        law("who is not blocked arrives", events.blocked | ~inside | arrives)
+        law("who cannot pay for a move stays", ~halted | stays)
+        law("who is not blocked arrives", events.blocked | halted | ~inside | arrives)
+
+    def _batteries(
+        self, before: Any, after: Any, events: Any, old: Any, target: Any, inside: Any
+    ) -> Any:
+        """Who cannot move, (envs, auvs) bool."""
+        hull, slot_s = self.scenario.vehicle, self.scenario.slot_s
+        nobody = self.world.num_nodes
+
+        def move_j(to: Any) -> Any:
+            far_m = (to - old) * np.array(self.scenario.grid.edges_m)
+            speed = np.sqrt((far_m**2).sum(-1)) / slot_s
+            drag = 0.5 * 1025 * hull.drag_coefficient * hull.drag_area_m2
+            return drag * speed**3 / hull.propulsion_efficiency * slot_s
+
+        law("a battery holds no less than nothing", after.battery_j >= 0)
+        law("a battery holds no more than it can", after.battery_j <= hull.capacity_j)
+        hotel_j = hull.hotel_w * slot_s
+        stranded = (before.battery_j < hotel_j) | (before.battery_j == 0)
+        law("who is stranded", events.stranded == stranded)
+        law("who is stranded is counted", after.stranded_slots == before.stranded_slots + stranded)
+        idle = (events.charged == nobody) & (events.heard == nobody)
+        law("who is stranded names nobody", ~stranded | idle)
+        close(
+            "propulsion", after.propulsion_j, before.propulsion_j + move_j(self.cells[after.cell])
+        )
+        spent = ("propulsion_j", "hotel_j", "charging_j")
+        drawn_j = sum(getattr(after, name) - getattr(before, name) for name in spent)
+        whole_j = hull.capacity_j + after.docked_j
+        close("what is drawn", events.drawn_j, drawn_j, whole_j + drawn_j)
+        gone_j = sum(getattr(after, name) for name in spent) + after.battery_j
+        initial_j = hull.initial_share * hull.capacity_j
+        close("batteries", gone_j, initial_j + after.docked_j, whole_j)
+        target_or_here = np.where(inside[..., None], target, old)
+        return stranded | (before.battery_j - hotel_j < move_j(target_or_here))
 
     def _energies(self, before: Any, after: Any, events: Any) -> None:
         link, nobody = self.world.link, self.world.num_nodes
@@ -161,7 +200,7 @@ class Laws:
             price_j = link.slot_uplink_j[link.offset(after.cell, heard_cell)]
             law("an uplink is paid", ~delivered | (available_j > price_j))
             hears = mask[..., -self.world.action_sizes[-1] :]
-            may = np.take_along_axis(hears, events.heard[..., None], 2)[..., 0]
+            may = np.take_along_axis(hears, heard[..., None], 2)[..., 0]
             law("what is masked could not have paid", may | ~delivered)
 
     def _ages(self, before: Any, after: Any, events: Any) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from batteries import BATTERY
 from own_metrics import OWN
 
 from iout_marl import InputError, World, evaluate, metrics
@@ -15,12 +16,10 @@ from iout_marl.world import node_codes
 from trainers import Trainer
 
 ROOT = Path(__file__).parents[2]
-#: Of every world, and of those whose stores have limits.
-ALL = (*metrics.BUILTIN, *metrics.OF_SOME)
 
 
 class TestDescriptions:
-    @pytest.mark.parametrize("metric", ALL, ids=lambda metric: metric.name)
+    @pytest.mark.parametrize("metric", metrics.ALL, ids=lambda metric: metric.name)
     def test_is_complete(self, metric):
         assert metric.name.isidentifier()
         assert metric.definition.endswith(".")
@@ -32,8 +31,8 @@ class TestDescriptions:
         assert metrics.described(metric.name) is metric
 
     def test_names_and_tags_are_unique(self):
-        for values in zip(*((m.name, m.tag, m.heading) for m in ALL), strict=True):
-            assert len(set(values)) == len(ALL)
+        for values in zip(*((m.name, m.tag, m.heading) for m in metrics.ALL), strict=True):
+            assert len(set(values)) == len(metrics.ALL)
 
     def test_are_those_of_world_evaluation_and_training(self, tiny):
         world = World(tiny())
@@ -63,6 +62,14 @@ class TestDescriptions:
         assert found.metrics["mean_aoi_s"].mean == found.metrics["mean_aoi"].mean * slot_s
         assert "aoi/mean_s" in Trainer(tiny(changes)).iterate()
 
+    def test_of_vehicles_are_those_of_worlds_where_they_can_run_out_of_energy(self, tiny):
+        limited = tiny({"vehicle": BATTERY})
+        names = (*METRICS, *(metric.name for metric in metrics.OF_VEHICLES))
+        found = evaluate(limited, "greedy", 1)
+        assert tuple(found.samples) == names
+        assert all(found.metrics[metric.name].mean >= 0 for metric in metrics.OF_VEHICLES)
+        assert {metric.tag for metric in metrics.OF_VEHICLES} <= set(Trainer(limited).iterate())
+
     def test_lie_within_their_bounds(self, tiny):
         for name, values in evaluate(tiny(), "random-walk", 20).samples.items():
             metric = metrics.described(name)
@@ -79,7 +86,7 @@ class TestDescriptions:
                 ):
                     continue
                 text = path.read_text(encoding="utf-8")
-                assert [m.tag for m in ALL if f'"{m.tag}"' in text] == [], path
+                assert [m.tag for m in metrics.ALL if f'"{m.tag}"' in text] == [], path
 
 
 class TestPages:
@@ -117,7 +124,10 @@ class TestErrors:
         with pytest.raises(InputError) as raised:
             metrics.register(name, **{"unit": "", "definition": "A sentence.", **arguments})(max)
         assert expected in str(raised.value)
-        assert [metric.name for metric in metrics.registered()] == [*(m.name for m in ALL), *OWN]
+        assert [metric.name for metric in metrics.registered()] == [
+            *(m.name for m in metrics.ALL),
+            *OWN,
+        ]
 
     def test_of_what_is_no_function(self):
         with pytest.raises(InputError, match="metric mine: must be a function, not 3"):

@@ -1,6 +1,7 @@
 """Every registered part keeps the contracts of its role."""
 
 import pytest
+from batteries import BATTERY
 
 from iout_marl.parts import Part
 from iout_marl.registry import registries
@@ -19,6 +20,7 @@ MODEM = {
     "electronics_w": 0.8,
     "maximum_source_level_db": 118.0,
 }
+HULL = {key: value for key, value in BATTERY.items() if key != "kind"}
 #: Settings of kinds that need some, and more of kinds that do more by them.
 SETTINGS = {
     ("placement", "fixed"): [{"cells": CELLS}, {"cells": CELLS, "weights": [1, 2, 0, 1.5]}],
@@ -30,6 +32,10 @@ SETTINGS = {
     ],
     ("reward", "mean_age"): [{"fairness_weight": 3.0}, {"credit": "difference"}],
     ("duplex", "tdd"): [{}, {"synchronised": True, "beta_rule": "stored"}],
+    ("vehicle", "battery"): [
+        {**HULL, "docks": [[1, 1, 1], [2, 2, 1]], "dock_power_w": 2000.0},
+        {**HULL, "initial_share": 0.5, "hotel_w": 0.0},
+    ],
     ("storage", "capacitor"): [
         {"capacity_j": 900.0},
         {"capacity_j": 300.0, "initial_j": 200.0, "leakage_w": 0.5, "idle_w": 2.0},
@@ -55,6 +61,11 @@ SETTINGS = {
 #: What else a scenario needs for a kind to have something to do.
 OVERRIDES = {
     ("observation entry", "transit"): {"episode.slot_s": 10},
+    ("observation entry", "battery"): {"vehicle": BATTERY},
+    ("observation entry", "batteries"): {
+        "vehicle": BATTERY,
+        "auvs.count": 3,
+    },
     ("observation entry", "unseen_for"): {"observation.view_range_m": 150},
     ("harvester", "hydrophone"): SEA,
     ("harvester", "aperture"): SEA,

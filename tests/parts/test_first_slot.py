@@ -47,6 +47,7 @@ KEYS = {
     "placement": "nodes",
     "reward": "reward",
     "storage": "storage",
+    "vehicle": "vehicle",
     "uplink": "uplink",
 }
 PACKETS = {"packet_bits": 100.0, "bandwidth_hz": 3000.0}
@@ -356,6 +357,33 @@ def test_splits(scenario_with, registry, message):
             {"uplink_frequency_khz": -1},
         ),
         ("is_limited must be True", parts.storages, parts.Storage, {"is_limited": 1}),
+        ("is_limited must be True", parts.vehicles, parts.Vehicle, {"is_limited": 1}),
+        ("capacity_j must be above 0 J", parts.vehicles, parts.Vehicle, {"capacity_j": 0.0}),
+        (
+            "initial_j must be from 0 to capacity_j in J, not 9",
+            parts.vehicles,
+            parts.Vehicle,
+            {"capacity_j": 5.0, "initial_j": 9.0},
+        ),
+        (
+            "hotel_w must be 0 or more W",
+            parts.vehicles,
+            parts.Vehicle,
+            {"initial_j": 9.0, "hotel_w": -1.0},
+        ),
+        ("docks must be cells of the grid", parts.vehicles, parts.Vehicle, {"docks": [[1, 1, 99]]}),
+        (
+            "propulsion_power_w must give a power from 0 in W for each of 3 speeds, not",
+            parts.vehicles,
+            parts.Vehicle,
+            {"propulsion_power_w": lambda part, speed: -speed},
+        ),
+        (
+            "propulsion_power_w must be 0 W at rest, not 7",
+            parts.vehicles,
+            parts.Vehicle,
+            {"propulsion_power_w": lambda part, speed: speed + 7},
+        ),
         ("capacity_j must be above 0 J", parts.storages, parts.Storage, {"capacity_j": -5.0}),
         ("drain_w must be 0 or more W", parts.storages, parts.Storage, {"drain_w": np.nan}),
         (

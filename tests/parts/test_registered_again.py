@@ -48,6 +48,7 @@ SETTINGS = {
     ("duplex", "tdd"): {"beta_rule": "stored"},
     ("optimizer", "torch"): {"name": "AdamW"},
     **{key: of[0] for key, of in CONTRACTS.items() if key[0] in ("harvester", "uplink")},
+    ("vehicle", "battery"): CONTRACTS["vehicle", "battery"][0],
     ("storage", "capacitor"): {"capacity_j": 400.0, "leakage_w": 0.2, "idle_w": 0.5},
 }
 KEYS = {
@@ -66,6 +67,7 @@ KEYS = {
     "reward": "reward",
     "uplink": "uplink",
     "storage": "storage",
+    "vehicle": "vehicle",
 }
 #: The worlds, with penalties in time division that are none of frequency division.
 PENALTIES = {
@@ -219,7 +221,7 @@ def test_bounds(pairs):
         assert found.scheduling == expected.scheduling
         assert found.validity.removesuffix(f"; {found.stated_by}") == expected.validity
         relies = pairs.role == "access" or (
-            pairs.role in ("duplex", "beta rule", "motion", "placement", "storage")
+            pairs.role in ("duplex", "beta rule", "motion", "placement", "storage", "vehicle")
             and is_covered(first)
         )
         assert bool(found.stated_by) == relies

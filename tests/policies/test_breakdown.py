@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from batteries import BATTERY, DOCKS
 
 from iout_marl import World, evaluate, load_scenario, record_episode
-from iout_marl.breakdown import AUV_COLUMNS, NODE_COLUMNS, STORE_COLUMNS
+from iout_marl.breakdown import AUV_COLUMNS, NODE_COLUMNS, STORE_COLUMNS, VEHICLE_COLUMNS
 from iout_marl.evaluation import play
 from iout_marl.policies import make_baseline
 
@@ -101,6 +102,33 @@ def test_the_command_has_columns_for_stores(iout, monkeypatch):
     assert "spilled J" in out
     assert "asleep slots" in out
     assert "asleep" not in iout("evaluate", "paper/k3-fdd", "--nodes", "--episodes", 1)[1]
+
+
+def test_what_vehicles_spend_is_told_where_they_have_batteries():
+    limited = load_scenario("multi/m3-k10-fdd", {"vehicle": {**BATTERY, **DOCKS}})
+    result = evaluate(limited, "greedy", 3, breakdown=True)
+    auvs = result.breakdown.auvs
+    columns = [column.name for column in (*AUV_COLUMNS, *VEHICLE_COLUMNS)]
+    assert list(auvs) == [column.name for column in result.breakdown.auv_columns] == columns
+    for name in ("propulsion", "hotel", "charging", "docked"):
+        assert auvs[f"{name}_j"].sum(axis=1) == pytest.approx(result.samples[f"{name}_kj"] * 1e3)
+    assert auvs["distance_m"].sum(axis=1) == pytest.approx(result.samples["distance_m"])
+    spent_j = auvs["propulsion_j"] + auvs["hotel_j"] + auvs["charging_j"]
+    left_j = 0.6 * BATTERY["capacity_j"] + auvs["docked_j"] - spent_j
+    assert auvs["battery_j"] == pytest.approx(left_j, abs=1e-6)
+    share = auvs["stranded_slots"].mean(axis=1) / limited.num_slots
+    assert share == pytest.approx(result.samples["stranded_share"])
+
+
+def test_the_command_has_columns_for_vehicles(iout, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    words = [word for key, value in BATTERY.items() for word in ("--set", f"vehicle.{key}={value}")]
+    out = iout(
+        "evaluate", "paper/k3-fdd", "--policy", "return", "--nodes", "--episodes", 1, *words
+    )[1]
+    assert "propulsion J" in out
+    assert "stranded slots" in out
+    assert "battery left" in out
 
 
 def test_nothing_else_changes_and_nothing_is_told_unasked():

@@ -6,12 +6,13 @@ import json
 import gymnasium
 import numpy as np
 import pytest
+from batteries import BATTERY
 
 import iout_marl
 from iout_marl import InputError, Recording, Trajectory, World, iout_v0, record, record_policy
 from iout_marl.evaluation import play
 from iout_marl.policies import make_baseline
-from iout_marl.render import Snapshot
+from iout_marl.render import Snapshot, as_text
 from iout_marl.replay import Recorder
 from iout_marl.replay.page import render_page
 
@@ -142,6 +143,31 @@ def test_stores_with_limits_have_their_capacity_and_nodes_that_sleep(tmp_path):
     assert snapshot.energy_yardstick_j == 300
     assert snapshot.yardstick_text == "the capacity of a store"
     assert render_page([again]).count("full at 300 J, the capacity of a store") == 1
+
+
+def test_batteries_are_recorded_and_shown(tmp_path):
+    overrides = {"vehicle": {**BATTERY, "capacity_j": 3e5}}
+    recording = record_policy("paper/k5-fdd", "random-walk", overrides=overrides)
+    assert "stranded" in {reason.code for reason in recording.reasons}
+    recording.save(tmp_path / "e.json")
+    again = Recording.load(tmp_path / "e.json")
+    assert again.battery.shape == (again.slots + 1, 1)
+    assert again.battery[0, 0] == 0.6
+    assert again.battery[-1, 0] == 0
+    assert not same(recording, again)
+    assert "battery 60%" in as_text(again.snapshot(0))
+    assert "battery empty" in as_text(again.snapshot(again.slots))
+    assert '"battery":' in render_page([again])
+
+
+def test_without_batteries_none_is_recorded(data):
+    assert "battery" not in data
+    assert Recording.from_json(data).battery is None
+    wide = np.full((len(data["ages"]), len(data["path"][0])), 1.5).tolist()
+    with pytest.raises(InputError, match=r"battery\[1, 1\] is out of range: 1.5"):
+        Recording.from_json({**data, "battery": wide})
+    with pytest.raises(InputError, match="battery must be "):
+        Recording.from_json({**data, "battery": [[1.0]]})
 
 
 def test_stores_without_limits_have_none(data):

@@ -3,6 +3,7 @@
 import itertools
 
 import pytest
+from batteries import BATTERY
 
 from iout_marl import InputError, Scenario, bundled_names, load_scenario
 from iout_marl.scenario import to_yaml
@@ -23,6 +24,7 @@ WHOLE = [
             "nodes": {"kind": "random", "count": 3},
             "observation.view_range_m": 100,
             "storage": {"kind": "capacitor", "capacity_j": 90.0},
+            "vehicle": BATTERY,
             "training.target_kl": 0.1,
         },
     ),
@@ -208,6 +210,8 @@ def test_every_number_of_a_scenario_has_a_range_or_hard_limits_alone():
         "training.discount",
         "training.gae_lambda",
         "training.learning_rate",
+        "vehicle.initial_share",
+        "vehicle.propulsion_efficiency",
     }
 
 

@@ -23,6 +23,14 @@ def message(source, overrides=()):
     return text
 
 
+#: An AUV that its battery lasts for hours.
+HULL = {
+    "capacity_j": 1e6,
+    "drag_area_m2": 3.0,
+    "drag_coefficient": 0.006,
+    "propulsion_efficiency": 0.7,
+    "hotel_w": 40.0,
+}
 #: Whole files, and what follows `bad.yaml`.
 FILES = {
     # Not YAML, or not a scenario at all.
@@ -211,6 +219,28 @@ LINES = {
     "grid: {spacing_m: [100, 100, 1e5]}": "grid.spacing_m[2]: 100000 m is implausible: usual are ",
     "grid: {own_cell_distance: means}": (
         "grid.own_cell_distance: unknown value 'means'; did you mean 'mean'?"
+    ),
+    f"vehicle: {HULL}": (
+        "vehicle.capacity_j: unknown key of kind 'unlimited': it belongs to kind 'battery'"
+    ),
+    f"vehicle: {HULL | {'kind': 'battery', 'capacity_j': 1.0}}": (
+        "vehicle.capacity_j: the battery does not last one slot: it has 1 J, and a slot of 25 s "
+        "takes 1e+03 J of hotel load and 2.11e+04 J at least for a move"
+    ),
+    f"vehicle: {HULL | {'kind': 'battery', 'initial_share': 0.001}}": (
+        "vehicle.initial_share: the battery does not last one slot: it has 1e+03 J, "
+    ),
+    f"vehicle: {HULL | {'kind': 'battery', 'dock_power_w': 99, 'docks': [[1, 99, 1]]}}": (
+        "vehicle.docks[0]: cell [1, 99, 1] lies outside the grid of "
+    ),
+    f"vehicle: {HULL | {'kind': 'battery', 'docks': [[1, 1, 1]]}}": (
+        "vehicle.dock_power_w: must be above vehicle.hotel_w, 40 W: else no dock recharges"
+    ),
+    f"vehicle: {HULL | {'kind': 'battery', 'hotel_w': -1}}": (
+        "vehicle.hotel_w: must be greater than or equal to 0, not -1"
+    ),
+    "observation: {kind: paper, entries: [battery]}": (
+        "observation.entries: battery: there is none with vehicle 'unlimited'"
     ),
     "storage: {kind: capacitor}": "storage.capacity_j: is missing",
     "storage: {kind: battery, capacity_j: 5}": (

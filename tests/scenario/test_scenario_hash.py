@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from batteries import BATTERY, DOCKS
 
 from iout_marl import InputError, bundled_names, load_scenario
 from iout_marl.scenario import to_yaml
@@ -20,6 +21,7 @@ SCENARIOS = {
             "channel": {"kind": "sonar", "absorption": {"kind": "francois_garrison"}},
             "nodes": {"kind": "random", "count": 4},
             "storage": {"kind": "capacitor", "capacity_j": 90.0, "initial_j": 5.0, "idle_w": 1e-3},
+            "vehicle": {**BATTERY, **DOCKS},
             "training.target_kl": 0.1,
         },
     ),
@@ -59,6 +61,7 @@ LEFT_OUT = {
     "harvester.kind",
     "uplink.kind",
     "storage.kind",
+    "vehicle.kind",
 }
 #: Of some scenarios: keys that no other value goes with.
 DETERMINED = {
@@ -115,6 +118,13 @@ def test_changes_with_every_value(name, key, value):
     assert all(c.hash != scenario.hash for c in changed)
     is_of_the_world = not key.startswith(("reward.", "training."))
     assert all((c.world_hash != scenario.world_hash) == is_of_the_world for c in changed)
+
+
+def test_changes_with_the_kind_of_vehicle():
+    unlimited = load_scenario("paper/k3-fdd", {"vehicle": "unlimited"})
+    limited = load_scenario(unlimited, {"vehicle": BATTERY})
+    assert unlimited.hash == load_scenario("paper/k3-fdd").hash != limited.hash
+    assert "vehicle" in to_yaml(unlimited)
 
 
 def test_changes_with_the_kind_of_storage():
@@ -266,6 +276,9 @@ def test_scenario_of_a_run_folder_of_an_earlier_version(name, hash_then, world_h
         "  kind: shannon",
         "  area_m2: null",
         "storage:\n  kind: unlimited",
+        "vehicle:\n  kind: unlimited",
+        "  vehicle_energy_penalty_per_kj: 0.0",
+        "  stranded_penalty: 0.0",
     ):
         text = text.replace(f"{key}\n", "")
     assert text == path.read_text(encoding="utf-8")

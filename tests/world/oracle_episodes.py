@@ -30,6 +30,10 @@ STATE = (
     "peak_age",
     "capped_ages",
 )
+VEHICLES = (
+    *("battery_j", "propulsion_j", "hotel_j", "charging_j", "docked_j"),
+    *("distance_m", "stranded_slots"),
+)
 STORES = ("spilled_j", "leaked_j", "idle_j", "asleep_slots")
 EVENTS = ("left_grid", "blocked", "beta", "harvested_j", "delivered", "spent_j")
 
@@ -98,6 +102,9 @@ def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> C
     seen["starved"] += len(stores.starved)
     seen["asleep when heard"] += sum(event.heard in stores.sleeping for event in oracle.events)
     seen["store too small"] += len(stores.refused)
+    vehicles = oracle.vehicles
+    for what in ("stranded", "halted", "refused", "docked"):
+        seen[f"vehicle {what}"] += len(getattr(vehicles, what))
     seen["collision"] += sum(e.spent_j > 0 and not e.delivered for e in oracle.events) > 1
     for auv, event in enumerate(oracle.events):
         if event.delivered:
@@ -110,6 +117,7 @@ def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> C
         seen["left grid"] += event.left_grid
         seen["kept apart"] += event.blocked
         seen["under way"] += oracle.transit[auv] is not None
+        seen["given up"] += event.gave_up
         charges, hears = (n != oracle.nobody for n in (event.charged, event.heard))
         seen["nobody charged"] += not charges and hears
         seen["nobody heard"] += charges and not hears
@@ -206,6 +214,8 @@ def _expected_slot(action: list[Any], oracles: list[Oracle]) -> ExpectedSlot:
 
     limited = [oracle for oracle in oracles if oracle.stores.is_limited]
     of_stores = STORES if limited else ()
+    with_batteries = [oracle for oracle in oracles if oracle.vehicles.is_limited]
+    of_vehicles = VEHICLES if with_batteries else ()
     return ExpectedSlot(
         action,
         # As arrays, because the oracle continues writing in its lists.
@@ -214,6 +224,10 @@ def _expected_slot(action: list[Any], oracles: list[Oracle]) -> ExpectedSlot:
             **{
                 name: np.array([getattr(oracle.stores, name) for oracle in limited])
                 for name in of_stores
+            },
+            **{
+                name: np.array([getattr(oracle.vehicles, name) for oracle in with_batteries])
+                for name in of_vehicles
             },
         },
         {name: [[getattr(e, name) for e in o.events] for o in oracles] for name in EVENTS},

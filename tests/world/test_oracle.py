@@ -8,6 +8,7 @@ import functools
 import numpy as np
 import pytest
 import torch
+from batteries import BATTERY, DOCKS
 from oracle_episodes import ENVS, Case, codes, play
 
 from iout_marl.scenario import bundled_names
@@ -81,6 +82,10 @@ CAPACITOR = {
         "idle_w": 0.3,
     }
 }
+PENALTIES = {"reward.vehicle_energy_penalty_per_kj": 0.02, "reward.stranded_penalty": 3.0}
+ON_BATTERY = {"vehicle": BATTERY, **PENALTIES}
+DOCKED = {"vehicle": {**BATTERY, **DOCKS}, **PENALTIES}
+TIRED = {"vehicle stranded", "vehicle refused"}
 STORES = {"spilled", "starved"}
 SLEEPERS = STORES | {"asleep when heard"}
 #: So small that they cannot hold what a slot's charging is meant to pay for.
@@ -439,6 +444,32 @@ CASES = {
             **NOBODY,
         },
     ),
+    "batteries-fdd": Case(
+        "paper/k5-fdd", (FDD | TIRED) - {"overserved node", "left grid"}, ON_BATTERY
+    ),
+    "batteries-tdd": Case(
+        "paper/k5-tdd", (TDD | TIRED) - {"overserved node", "left grid"}, ON_BATTERY
+    ),
+    "batteries-fdd-docks": Case(
+        "best/k5-fdd", FDD - {"overserved node"} | TIRED | {"vehicle docked"}, DOCKED
+    ),
+    "batteries-fdd-three-auvs": Case(
+        "paper/k5-fdd",
+        FDD | SHARED | TIRED | {"vehicle docked", "vehicle halted"},
+        {**DOCKED, **THREE_AUVS, "observation.entries": ["battery", "batteries"]},
+    ),
+    "batteries-tdd-stored-three-auvs": Case(
+        "best/k5-tdd",
+        (TDD | SHARED) - {"overserved node", "contest at equal distance"}
+        | TIRED
+        | {"vehicle docked"},
+        {**DOCKED, **THREE_AUVS, "auvs.motion": "hover", "grid.spacing_m": [100, 80, 30]},
+    ),
+    "batteries-tdd-interference": Case(
+        "best/k5-tdd",
+        TDD - {"overserved node"} | TIRED,
+        {**DOCKED, **THREE_AUVS, "channel.access": "interference", "auvs.idle_choices": True},
+    ),
     "low-maximum-age": Case("paper/k5-fdd", FDD, {"age.maximum": 4, "age.initial": 2}),
     "other-bounds-of-beta": Case(
         "paper/k3-tdd", TDD, {"duplex.beta_min": 0.3, "duplex.beta_max": 0.5}
@@ -474,6 +505,24 @@ CASES = {
         "paper/k3-fdd",
         FDD | SHARED | {"under way"},
         {"episode.slot_s": 20, **FLAT_CELLS, **THREE_AUVS},
+    ),
+    "batteries-short-slots": Case(
+        "paper/k3-fdd",
+        (FDD | SHARED | TIRED | {"vehicle docked", "vehicle halted", "under way", "given up"})
+        - {"overserved node"},
+        {
+            "episode.slot_s": 10,
+            "auvs.motion": "hover",
+            "observation.entries": ["transit", "battery"],
+            **DOCKED,
+            **THREE_AUVS,
+        },
+    ),
+    "batteries-short-and-long-moves": Case(
+        "best/k3-tdd",
+        (TDD | SHARED | TIRED | {"vehicle docked", "under way"})
+        - {"overserved node", "contest at equal distance"},
+        {"episode.slot_s": 20, **FLAT_CELLS, **DOCKED, **THREE_AUVS},
     ),
     "packet-start-fdd": Case(
         "paper/k3-fdd",

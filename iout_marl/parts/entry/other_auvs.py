@@ -40,16 +40,24 @@ class OtherAuvs(Entry):
         one = self.world.representation.step_ranges()
         return Ranges.joined([one] * (self.world.scenario.num_auvs - 1))
 
-    def __call__(self, state: State) -> Array:
-        xp, link, cell = self.xp, self.world.link, state.cell
-        representation, (num_envs, num_auvs) = self.world.representation, cell.shape
+    def others(self, cell: Array) -> Array:
+        """Places of the other AUVs, the nearest first, among all of (envs, auvs) end to end.
+
+        (envs, auvs, auvs − 1).
+        """
+        xp, link, (num_envs, num_auvs) = self.xp, self.world.link, cell.shape
         order = xp.argsort(
             link.at(self._nearness, link.offset(cell[:, None, :], cell[:, :, None])),
             axis=-1,
         )[..., 1:]
         # Of AUVs in one cell any may come first: they look alike.
         first = xp.arange(0, num_envs * num_auvs, num_auvs, device=cell.device)
-        others = lookup(xp, cell, first[:, None, None] + order)
+        return first[:, None, None] + order
+
+    def __call__(self, state: State) -> Array:
+        xp, cell = self.xp, state.cell
+        representation, (num_envs, num_auvs) = self.world.representation, cell.shape
+        others = lookup(xp, cell, self.others(cell))
         steps = representation.in_cells(others) - representation.in_cells(cell)[:, :, None, :]
         return xp.reshape(representation.steps(steps), (num_envs, num_auvs, -1))
 

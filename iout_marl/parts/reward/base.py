@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from iout_marl.arrays.backend import Backend
 from iout_marl.core.state import Events, State
-from iout_marl.parts.base import Part
-from iout_marl.physics.arrays import Array
+from iout_marl.parts.base import Context, Part
+from iout_marl.physics.arrays import Array, pick
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
+from iout_marl.scenario.fields import Plausible, Real, Term
+from iout_marl.scenario.parts import Settings as PartSettings
 from iout_marl.whole import is_number, short
 
 #: Whom the network's age term is credited to. `team`: every AUV gets it. `difference`: every AUV
@@ -53,6 +55,53 @@ class Reward(Part):
 
 
 rewards: Registry[type[Reward]] = Registry("reward", Reward)
+
+
+class VehicleSettings(PartSettings):
+    """Keys of a reward that has `VehicleTerms`."""
+
+    #: Each kJ that the AUV draws from its battery (`vehicle.kind: battery`).
+    vehicle_energy_penalty_per_kj: Annotated[Real, Plausible(-1e6, 1e6, "1/kJ")] = 0.0
+    #: Each slot in which the AUV is stranded: its battery is empty.
+    stranded_penalty: Term = 0.0
+
+    hash_defaults: ClassVar[dict[str, Any]] = {
+        "vehicle_energy_penalty_per_kj": 0.0,
+        "stranded_penalty": 0.0,
+    }
+
+    def bounds_of_vehicles(self, scenario: Scenario) -> dict[str, float]:
+        """As `Reward.bounds`, of these keys: in a slot an AUV draws no more than it can hold."""
+        if not scenario.vehicle.part.is_limited:
+            return {}
+        most_kj = scenario.vehicle.part.capacity_j / 1000
+        return {
+            "reward.vehicle_energy_penalty_per_kj": (
+                abs(self.vehicle_energy_penalty_per_kj) * most_kj
+            ),
+            "reward.stranded_penalty": abs(self.stranded_penalty),
+        }
+
+
+class VehicleTerms:
+    """What the energy of an AUV costs it, and to be stranded; nothing where it has no end."""
+
+    def __init__(self, settings: VehicleSettings, world: Context) -> None:
+        is_limited, floats = world.scenario.vehicle.part.is_limited, world.backend.floats
+        self._xp = world.backend.xp
+        per_kj = settings.vehicle_energy_penalty_per_kj if is_limited else 0.0
+        penalty = settings.stranded_penalty if is_limited else 0.0
+        self._per_j = floats(-per_kj / 1000) if per_kj else None
+        self._stranded = floats([0.0, -penalty]) if penalty else None
+
+    def __call__(self, events: Events) -> dict[str, Array]:
+        """Terms of a slot's reward, (envs, auvs) each."""
+        terms = {}
+        if self._per_j is not None:
+            terms["vehicle_energy"] = events.drawn_j * self._per_j
+        if self._stranded is not None:
+            terms["stranded"] = pick(self._xp, self._stranded, events.stranded)
+        return terms
 
 
 class WeightedAge:

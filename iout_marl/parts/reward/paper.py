@@ -8,11 +8,18 @@ from typing import Any, ClassVar
 from iout_marl.core.age import jain_of
 from iout_marl.core.state import Events, State
 from iout_marl.parts.base import Context
-from iout_marl.parts.reward.base import Credit, Reward, WeightedAge, most_mean_age, rewards
+from iout_marl.parts.reward.base import (
+    Credit,
+    Reward,
+    VehicleSettings,
+    VehicleTerms,
+    WeightedAge,
+    most_mean_age,
+    rewards,
+)
 from iout_marl.physics.arrays import Array, pick
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import Term
-from iout_marl.scenario.parts import Settings as PartSettings
 
 
 @rewards.register("paper")
@@ -24,7 +31,7 @@ class Paper(Reward):
     negative one is a bonus.
     """
 
-    class Settings(PartSettings):
+    class Settings(VehicleSettings):
         #: w, a factor on the discriminated age; the paper's is 1.
         age_weight: Term = 1.0
         #: A move out of the grid.
@@ -48,7 +55,11 @@ class Paper(Reward):
         #: every AUV gets what it has added (Wolpert and Tumer, 2001).
         credit: Credit = "team"
 
-        hash_defaults: ClassVar[dict[str, Any]] = {"credit": "team", "separation_penalty": 10.0}
+        hash_defaults: ClassVar[dict[str, Any]] = {
+            "credit": "team",
+            "separation_penalty": 10.0,
+            **VehicleSettings.hash_defaults,
+        }
 
     settings: Settings
 
@@ -57,17 +68,18 @@ class Paper(Reward):
         penalties = {
             f"reward.{name}": abs(value)
             for name, value in settings.model_dump().items()
-            if name.endswith("_penalty")
+            if name.endswith("_penalty") and name not in VehicleSettings.hash_defaults
         }
         penalties["reward.unserved_penalty"] *= scenario.num_nodes
         weighted = mean_age * abs(settings.age_weight)
         key = "nodes.weights" if mean_age > abs(settings.age_weight) else "reward.age_weight"
-        return {key: weighted} | penalties
+        return {key: weighted} | penalties | settings.bounds_of_vehicles(scenario)
 
     def setup(self, world: Context) -> None:
         super().setup(world)
         settings, backend = self.settings, world.backend
         self._credit = world.credit
+        self._vehicle = VehicleTerms(settings, world)
         self._link = world.link
         self._nodes = world.nodes
         self._age = WeightedAge(world.scenario, backend)
@@ -80,7 +92,7 @@ class Paper(Reward):
         self._separation = backend.floats([0.0, -settings.separation_penalty])
         self._occurrence = backend.floats([0.0, -settings.occurrence_penalty])
         self._is_alone = world.scenario.num_auvs == 1
-        self._idle_choices = world.scenario.auvs.idle_choices
+        self._may_be_idle = world.scenario.may_be_idle
         self._nobody = backend.integers(world.scenario.num_nodes)
         self._no_able_node = backend.floats(-settings.no_able_node_penalty)
         self._wrong_node = backend.floats(-settings.wrong_node_penalty)
@@ -105,7 +117,7 @@ class Paper(Reward):
         if settings.unserved_penalty:
             unserved = nodes.sum(xp.astype(state.deliveries == 0, state.age.dtype))
             terms["unserved"] = nodes.broadcast_to_auvs(-settings.unserved_penalty * unserved)
-        return terms
+        return terms | self._vehicle(events)
 
     def _discriminated_age(self, age: Array, deliveries: Array) -> Array:
         """The age term of (…, nodes) ages and deliveries: (…)."""
@@ -114,7 +126,7 @@ class Paper(Reward):
 
     def _information(self, state: State, events: Events) -> Array:
         penalty = self._split(events) if self._splits_slot else self._missed_data(state, events)
-        if self._idle_choices:
+        if self._may_be_idle:
             penalty = self.xp.where(events.heard < self._nobody, penalty, self._none)
         return penalty
 

@@ -108,7 +108,17 @@ class Episode {
       if (!step) return [];
       return [(step > 0 ? "+" : "−") + (Math.abs(step) > 1 ? Math.abs(step) : "") + axis];
     });
-    return words.length ? words.join(" ") : "hovered";
+    if (words.length) return words.join(" ");
+    return this.isStranded(slot, auv) ? "stranded: battery empty" : "hovered";
+  }
+  /** Whether the battery of an AUV was empty in a slot. */
+  isStranded(slot, auv) {
+    const outcome = this.outcome[slot * this.auvs + auv];
+    return outcome > 0 && this.reasons[outcome - 1][0] === "stranded";
+  }
+  /** What an AUV has left of its battery after `place` slots, in words; empty where it has none. */
+  batteryText(place, auv) {
+    return this.battery ? `battery ${Math.round(100 * this.battery[place * this.auvs + auv])} %` : "";
   }
 
   /** Jain's index of the deliveries so far. */

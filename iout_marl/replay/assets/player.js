@@ -182,9 +182,10 @@ class Panel {
       link.arrived ? `packet arrived, age ${before} → ${after}${spent}` : `${link.reason[1]}${spent}`
     );
     const badge = make("span", { class: "auv" }, auvName(link.auv));
-    badge.style.background = auvColour(episode, link.auv);
+    badge.style.background = episode.isStranded(slot, link.auv) ? LOOK.failed : auvColour(episode, link.auv);
+    const moved = [episode.moveText(slot, link.auv), episode.batteryText(slot + 1, link.auv)];
     return make(
-      "tr", {}, make("th", { scope: "row" }, badge), make("td", {}, episode.moveText(slot, link.auv)),
+      "tr", {}, make("th", { scope: "row" }, badge), make("td", {}, moved.filter(Boolean).join(", ")),
       make("td", {}, charged), make("td", {}, asked ? `node ${link.heard + 1}` : "nobody"), outcome
     );
   }

@@ -1,0 +1,202 @@
+"""Vehicle: what energy AUVs have, and what they spend it on.
+
+Within a slot an AUV pays, in this order, for its hotel load, for its move and for charging. What it
+cannot pay for in full it leaves. If it cannot pay for its hotel load, it is stranded: all that it
+has left goes there, and it does nothing else. A move over several slots is paid for slot by slot,
+and given up where one cannot be paid for. At the end of the slot an AUV is recharged that lies in a
+dock and is not under way. So it never has less than nothing, and what it draws and is given adds up
+to what it has.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.core.pace import Pace
+from iout_marl.core.state import VEHICLE_FIELDS, State
+from iout_marl.parts.base import Context, Part
+from iout_marl.physics.arrays import Array, cast, lookup
+from iout_marl.registry import Registry
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.fields import LARGEST, SMALLEST
+from iout_marl.whole import is_number, short
+
+#: Cells, counted from 1.
+Cells: TypeAlias = tuple[tuple[int, int, int], ...]
+
+
+class Vehicle(Part):
+    """The energy of the AUVs, each of the same kind.
+
+    Attributes:
+        is_limited: whether an AUV can run out of energy. Of one that cannot a world counts nothing.
+        capacity_j: the most that an AUV has, in J.
+        initial_j: what every AUV begins an episode with, in J.
+        hotel_w: power that it draws all the time, in W.
+        docks: cells in which it is recharged, counted from 1.
+        dock_power_w: power of that, in W.
+    """
+
+    is_limited: bool = True
+    capacity_j: float = LARGEST
+    initial_j: float = LARGEST
+    hotel_w: float = 0.0
+    docks: Cells = ()
+    dock_power_w: float = 0.0
+
+    def check_stated(self, scenario: Scenario) -> None:
+        if not isinstance(self.is_limited, bool):
+            raise self.fault(f"is_limited must be True or False, not {short(self.is_limited)}")
+        if not is_number(self.capacity_j, SMALLEST, LARGEST):
+            raise self.fault(f"capacity_j must be above 0 J, not {short(self.capacity_j)}")
+        if not is_number(self.initial_j, 0, self.capacity_j):
+            raise self.fault(
+                f"initial_j must be from 0 to capacity_j in J, not {short(self.initial_j)}"
+            )
+        for name in ("hotel_w", "dock_power_w"):
+            if not is_number(getattr(self, name), 0, LARGEST):
+                raise self.fault(f"{name} must be 0 or more W, not {short(getattr(self, name))}")
+        try:
+            docks = np.array(self.docks, dtype=np.int64).reshape(-1, 3)
+        except (TypeError, ValueError):
+            docks = np.zeros((1, 3), dtype=np.int64)
+        if not ((docks >= 1) & (docks <= np.array(scenario.grid.cells))).all():
+            raise self.fault(f"docks must be cells of the grid, not {short(self.docks)}")
+        speeds = np.array([0.0, 1.0, 2.0])
+        power_w = np.asarray(self.propulsion_power_w(speeds))
+        if (
+            power_w.shape != (3,)
+            or power_w.dtype.kind != "f"
+            or not (np.isfinite(power_w) & (power_w >= 0)).all()
+        ):
+            raise self.fault(
+                "propulsion_power_w must give a power from 0 in W for each of 3 speeds, not "
+                f"{short(power_w.tolist())}"
+            )
+        if power_w[0] != 0:
+            raise self.fault(
+                f"propulsion_power_w must be 0 W at rest, not {power_w[0]:g}: that is hotel_w"
+            )
+
+    def what_it_adds(self, scenario: Scenario) -> str:  # noqa: ARG002
+        """What an AUV can do that one without end of energy could not.
+
+        One line for the bound by energy and travel, which holds for the latter; empty where a
+        limit can only remove possibilities.
+        """
+        return f"vehicle {self.settings.kind!r} does not state that it does"
+
+    def can_only_remove(self, scenario: Scenario) -> bool:
+        """Whether all that AUVs can do they could do with energy without end."""
+        return not self.what_it_adds(scenario)
+
+    def propulsion_power_w(self, speed_m_per_s: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Power of moving at a speed through the water, in W: 0 at rest; of NumPy, any shape."""
+        raise NotImplementedError
+
+    def setup(self, world: Context) -> None:
+        super().setup(world)
+        scenario, floats, slot_s = world.scenario, world.backend.floats, world.link.slot_s
+        self._columns = scenario.num_auvs if self.is_limited else 0
+        backend = world.backend
+        #: Who is stranded where nobody can be.
+        self.none_stranded = backend.zeros((world.num_envs, self._columns)) > 0
+        if not self.is_limited:
+            return
+        # By offset, of one slot: the slots that a move takes are the time of it.
+        slots = Pace.from_scenario(scenario).by_offset(world.grid, scenario.auvs.motion.part.steps)
+        way_m = world.grid.offset_distances_m() / slots
+        power_w = np.asarray(self.propulsion_power_w(way_m / slot_s), dtype=np.float64)
+        self._move_j, self._way_m = floats(power_w * slot_s), floats(way_m)
+        self._slots = world.backend.integers(slots)
+        self._hotel_j = floats(self.hotel_w * slot_s)
+        self._zero = floats(0.0)
+        self._charging_w = floats(scenario.charging.power_w)
+        self._capacity_j = floats(self.capacity_j)
+        dock_j = np.zeros(world.grid.num_codes)
+        if self.docks:
+            dock_j[world.grid.encode(np.array(self.docks) - 1)] = self.dock_power_w * slot_s
+        self._dock_j = floats(dock_j)
+
+    def is_stranded(self, battery_j: Array) -> Array:
+        """Whether AUVs that begin a slot with this can do nothing in it, (envs, auvs) bool."""
+        return (battery_j < self._hotel_j) | (battery_j <= self._zero)
+
+    def stays(self, state: State, target: Array) -> Array:
+        """Which AUVs cannot pay for a slot of the move to their (envs, auvs) targets."""
+        battery_j = state.battery_j
+        return self.is_stranded(battery_j) | (
+            battery_j - self._hotel_j < self.propulsion_j(state.cell, target)
+        )
+
+    def can_charge(self, state: State, heading: Array, charging_s: Array) -> Array:
+        """Which AUVs can pay for charging for so long, beside moving to (envs, auvs) cells."""
+        left_j = state.battery_j - self._hotel_j - self.propulsion_j(state.cell, heading)
+        return left_j >= charging_s * self._charging_w
+
+    def propulsion_j(self, cell: Array, heading: Array) -> Array:
+        """What a slot of the moves from cells to cells takes, (envs, auvs) in J."""
+        return lookup(self.xp, self._move_j, self.world.link.offset(heading, cell))
+
+    def slots(self, cell: Array, heading: Array) -> Array:
+        """How many slots the moves from cells to cells take, (envs, auvs)."""
+        return lookup(self.xp, self._slots, self.world.link.offset(heading, cell))
+
+    def first(self, num_envs: int) -> dict[str, Array]:
+        """Fields of the first state of an episode."""
+        nothing = self.world.backend.zeros((num_envs, self._columns))
+        fields = dict.fromkeys(VEHICLE_FIELDS, nothing)
+        return fields | {"battery_j": nothing + (self.initial_j if self.is_limited else 0.0)}
+
+    def after(
+        self, state: State, cell: Array, heading: Array, stranded: Array, charging_s: Array
+    ) -> tuple[dict[str, Array], Array]:
+        """Fields of the state after a slot, and what was drawn in it, (envs, auvs) in J.
+
+        Args:
+            state: the state before it.
+            cell: (envs, auvs) codes of the AUVs' cells after it.
+            heading: the cells that AUVs go to whose moves are not over, those of the others.
+            stranded: (envs, auvs) bool, `is_stranded` of that state.
+            charging_s: (envs, auvs) how long they have charged.
+        """
+        if not self.is_limited:
+            return self._as_before(state), state.battery_j
+        xp, offset = self.xp, self.world.link.offset(heading, state.cell)
+        hotel_j = xp.where(stranded, state.battery_j, self._hotel_j)
+        propulsion_j = lookup(xp, self._move_j, offset)
+        charging_j = charging_s * self._charging_w
+        # In the order in which `stays` and `can_charge` subtract, so that nothing is overdrawn.
+        left_j = state.battery_j - hotel_j - propulsion_j - charging_j
+        dock_j = lookup(xp, self._dock_j, cell)
+        if heading is not cell:
+            dock_j = xp.where(heading == cell, dock_j, self._zero)
+        docked_j = xp.minimum(self._capacity_j - left_j, dock_j)
+        fields = {
+            "battery_j": left_j + docked_j,
+            "propulsion_j": state.propulsion_j + propulsion_j,
+            "hotel_j": state.hotel_j + hotel_j,
+            "charging_j": state.charging_j + charging_j,
+            "docked_j": state.docked_j + docked_j,
+            "distance_m": state.distance_m + lookup(xp, self._way_m, offset),
+            "stranded_slots": state.stranded_slots + cast(xp, stranded, left_j.dtype),
+        }
+        return fields, hotel_j + propulsion_j + charging_j
+
+    def _as_before(self, state: State) -> dict[str, Array]:
+        # One by one: a loop over their names would take a twentieth of a slot.
+        return {
+            "battery_j": state.battery_j,
+            "propulsion_j": state.propulsion_j,
+            "hotel_j": state.hotel_j,
+            "charging_j": state.charging_j,
+            "docked_j": state.docked_j,
+            "distance_m": state.distance_m,
+            "stranded_slots": state.stranded_slots,
+        }
+
+
+vehicles: Registry[type[Vehicle]] = Registry("vehicle", Vehicle)

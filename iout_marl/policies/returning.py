@@ -1,0 +1,153 @@
+"""A round that returns to a dock in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.policies.choice import greedy_action, links
+from iout_marl.policies.policy import Actions
+from iout_marl.policies.predicting import BasePolicy
+from iout_marl.policies.routes import rounds
+from iout_marl.world import State, World
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+#: An AUV leaves its dock with this share of a full battery, or more.
+FULL = 0.95
+
+
+@dataclass
+class _Round:
+    """Where the AUVs of a batch of environments are on their rounds."""
+
+    stops: Integers  # (envs, auvs, stops) codes of the cells that each AUV visits in turn
+    at: Integers  # (envs, auvs) which of them is next
+    is_returning: npt.NDArray[np.bool_]  # (envs, auvs) heading for a dock, or recharging there
+
+
+class Return(BasePolicy):
+    """Every AUV goes round its share of the nodes, and returns to the nearest dock in time.
+
+    It turns back as soon as one more slot of its round, in which it charges throughout, would
+    leave too little for the way to the nearest dock, and goes on with a battery that is `FULL`.
+    Nodes are named as by `tour`. Where an AUV may charge nobody (`auvs.idle_choices`), it charges
+    only where a slot's harvest pays for an uplink, and nobody on its way back. AUVs that get in one
+    another's way are not foreseen. Without docks, or end of energy, it is a round alone.
+    """
+
+    name = "return"
+    is_deterministic = True
+
+    def __init__(self) -> None:
+        self._rounds: WeakKeyDictionary[World, _Round] = WeakKeyDictionary()
+        self._home_j: WeakKeyDictionary[World, Floats] = WeakKeyDictionary()
+
+    def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:  # noqa: ARG002
+        found = self._round(world, state)
+        here, every = state.cell, np.indices(state.cell.shape)
+        neighbours, inside = world.motion.neighbours(here), world.motion.stays_inside(here)
+        for _ in range(found.stops.shape[-1]):  # stops of one cell are all reached at once
+            stop = found.stops[*every, found.at]
+            way_m = np.where(inside, _way_m(world, neighbours, stop[..., None]), np.inf)
+            # One that lies between the cells that moves over several end in is as good as reached.
+            arrived = _way_m(world, here, stop) <= way_m.min(-1)
+            found.at = np.where(arrived, (found.at + 1) % found.stops.shape[-1], found.at)
+        stop = found.stops[*every, found.at][..., None]
+        direction = np.where(inside, _way_m(world, neighbours, stop), np.inf).argmin(-1)
+        if world.vehicle.is_limited and world.vehicle.docks:
+            home_j = self._energy_home_j(world)
+            found.is_returning = _returns(world, state, direction, found.is_returning, home_j)
+            homewards = np.where(inside, home_j[neighbours], np.inf).argmin(-1)
+            direction = np.where(found.is_returning, homewards, direction)
+        nodes = _named(world, state, direction, found.is_returning)
+        return np.concatenate([direction[..., None], nodes], axis=-1)
+
+    def _round(self, world: World, state: State) -> _Round:
+        """The rounds of the environments, begun where their episodes are."""
+        begins = state.slot == 0
+        found = self._rounds.get(world)
+        if found is None:
+            begins = np.ones_like(begins)
+            shape = (world.num_envs, world.num_auvs)
+            stops = -(-world.num_nodes // world.num_auvs)
+            found = self._rounds[world] = _Round(
+                np.zeros((*shape, stops), dtype=np.int64),
+                np.zeros(shape, dtype=np.int64),
+                np.zeros(shape, dtype=np.bool_),
+            )
+        table = world.grid.coordinate_table()
+        for env in np.flatnonzero(begins):
+            starts = table[state.cell[env]].astype(np.float64)
+            nodes = table[state.node_cell[env]].astype(np.float64)
+            for auv, own in enumerate(rounds(nodes, starts)):
+                last = np.minimum(np.arange(found.stops.shape[-1]), len(own) - 1)
+                found.stops[env, auv] = world.grid.encode(np.rint(own[last]).astype(np.int64))
+                found.at[env, auv] = np.abs(own[last] - starts[auv]).sum(-1).argmin()
+            found.is_returning[env] = False
+        return found
+
+    def _energy_home_j(self, world: World) -> Floats:
+        """By code of a cell: what the way from there to the nearest dock takes, axis by axis."""
+        if world not in self._home_j:
+            vehicle, grid, slot_s = world.vehicle, world.grid, world.link.slot_s
+            slots, cells = world.motion.pace.along_axes(world.motion.steps)
+            speed = np.array(grid.edges_m) * cells / (slots * slot_s)
+            power_w = np.asarray(vehicle.propulsion_power_w(speed))
+            move_j = (power_w + vehicle.hotel_w + _charging_w(world)) * slots * slot_s
+            docks = np.array(vehicle.docks) - 1
+            moves = -(-np.abs(grid.coordinate_table()[:, None, :] - docks) // cells)
+            self._home_j[world] = (moves * move_j).sum(-1).min(-1)
+        return self._home_j[world]
+
+
+def _way_m(world: World, first: Integers, second: Integers) -> Floats:
+    """The way between cells, which broadcast."""
+    way_m: Floats = world.link.at(world.link.way_m, world.link.offset(first, second))
+    return way_m
+
+
+def _charging_w(world: World) -> float:
+    """What charging takes on the way to a dock: nothing where nobody need be charged."""
+    scenario = world.scenario
+    return 0.0 if scenario.auvs.idle_choices else scenario.charging.power_w
+
+
+def _returns(
+    world: World,
+    state: State,
+    direction: Integers,
+    is_returning: npt.NDArray[np.bool_],
+    home_j: Floats,
+) -> npt.NDArray[np.bool_]:
+    """Which AUVs head for a dock, or recharge there."""
+    vehicle, slot_s = world.vehicle, world.link.slot_s
+    target = world.motion.targets(state, direction)
+    slot_j = np.asarray(vehicle.propulsion_j(state.cell, target))
+    slot_j = slot_j + (vehicle.hotel_w + world.scenario.charging.power_w) * slot_s
+    left_j = state.battery_j - vehicle.slots(state.cell, target) * slot_j
+    goes_on = is_returning & (state.battery_j < FULL * vehicle.capacity_j)
+    too_far: npt.NDArray[np.bool_] = left_j < home_j[target]
+    return goes_on | too_far
+
+
+def _named(
+    world: World, state: State, direction: Integers, is_returning: npt.NDArray[np.bool_]
+) -> Integers:
+    """The nodes that AUVs name after their moves, (envs, auvs, 1 or 2)."""
+    cell = world.motion.move(state, direction).cell
+    nodes = greedy_action(world, state, cell, (1.0,))[0]
+    if world.scenario.auvs.idle_choices:
+        here = links(world, cell, state)
+        charged = nodes[..., :1]
+        pays = np.take_along_axis(here.harvested_j >= here.required_j, charged, -1)[..., 0]
+        spares = is_returning | ~pays
+        if world.duplex.num_choices == 1:
+            # What needs no charging is heard anyway.
+            missing = np.take_along_axis(here.missing_slots, charged, -1)[..., 0]
+            spares = is_returning & (missing > 0)
+        nodes[..., 0] = np.where(spares, world.num_nodes, nodes[..., 0])
+    return nodes
