@@ -187,7 +187,7 @@ def test_all_slots_of_a_long_move_are_moving_ones():
     nothing = np.zeros((1, 1))
     for state in states[1:]:
         whom = np.zeros((1, 1), dtype=np.int64)
-        tally.add(state, Events(nothing, nothing, whom, whom, *[nothing] * 5))
+        tally.add(state, Events(nothing, nothing, whom, whom, *[nothing] * 7))
     found = tally.result(states[-1]).auvs
     # Two moves of three slots each, over a cell of 100 m.
     assert (found["moving_slots"], found["moving_s"], found["distance_m"]) == (6, 60, 200)
