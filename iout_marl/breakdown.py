@@ -41,6 +41,7 @@ STORE_COLUMNS = (
     Column("leaked_j", "leaked J", 1),
     Column("idle_j", "idle J", 1),
     Column("asleep_slots", "asleep slots", 1),
+    Column("survival_days", "survival days", 3),
 )
 AUV_COLUMNS = (
     Column("distance_m", "distance m", 0),
@@ -69,7 +70,8 @@ class Breakdown:
         nodes: by the names of `NODE_COLUMNS`, (episodes, nodes): packets delivered; mean over
             slots and highest of the age; energy harvested, spent on uplinks, and left in the end.
             Where stores have limits also by those of `STORE_COLUMNS`: energy that stores had no
-            room for, that they have lost, and that nodes have drawn while idle; slots asleep.
+            room for, that they have lost, and that nodes have drawn while idle; slots asleep; for
+            how many days what is left would pay for losses and idling, where there are any.
         auvs: by the names of `AUV_COLUMNS`, (episodes, auvs): the way; slots in which it moved;
             packets that it has received; energy that nodes have harvested from it. Where they
             can run out of energy also by those of `VEHICLE_COLUMNS`: energy for moves, beside
@@ -130,7 +132,8 @@ class Tally:
     def result(self, state: State) -> Breakdown:
         """The figures of whole episodes; `state` is the last."""
         slot_s = self._world.link.slot_s
-        stores = STORE_COLUMNS if self._world.storage.is_limited else ()
+        storage, left_j = self._world.storage, np.array(state.energy_j)
+        stores = STORE_COLUMNS[:-1] if storage.is_limited else ()
         vehicles = VEHICLE_COLUMNS if self._world.vehicle.is_limited else ()
         mean_age = self._age_sum / self._world.num_slots
         return Breakdown(
@@ -143,8 +146,9 @@ class Tally:
                 "peak_aoi_s": self._peak_age * slot_s,
                 "harvested_j": self._harvested_j,
                 "spent_j": self._spent_j,
-                "left_j": np.array(state.energy_j),
+                "left_j": left_j,
                 **{column.name: np.array(getattr(state, column.name)) for column in stores},
+                **({"survival_days": storage.survival_days(left_j)} if storage.drains else {}),
             },
             auvs={
                 "distance_m": self._distance_m,

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     Cell = tuple[int, int, int]
 
 #: Steps +x, −x, +y, −y, +z, −z, in the order of eq. `direction`; the last one hovers.
-STEPS = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (0, 0, 0))
+SIX = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+REST = (0, 0, 0)
+STEPS = {"six": SIX, "hover": (*SIX, REST), "planar": (*SIX[:4], REST)}
 
 
 def thorp(f: float) -> float:
@@ -257,6 +259,7 @@ class Oracle:
 
     def __init__(self, scenario: Scenario, node_cells: Sequence[Cell]) -> None:
         self.scenario, self.sound = scenario, Sound(scenario)
+        self.steps = STEPS[scenario.auvs.motion.kind]
         self.node_cells = [tuple(cell) for cell in node_cells]
         self.auv_cells = [tuple(cell) for cell in scenario.auvs.start_cells[: scenario.num_auvs]]
         while len(self.auv_cells) < scenario.num_auvs:
@@ -376,14 +379,14 @@ class Oracle:
     def ahead(self, cell: Cell, direction: int) -> tuple[Cell, bool]:
         """The next cell in a direction, and whether there is one."""
         sizes = self.scenario.grid.cells
-        target = tuple(c + step for c, step in zip(cell, STEPS[direction], strict=True))
+        target = tuple(c + step for c, step in zip(cell, self.steps[direction], strict=True))
         inside = all(1 <= c <= n for c, n in zip(target, sizes, strict=True))
         return (target if inside else cell), inside
 
     def slots_and_cells(self, direction: int) -> tuple[int, int]:
         """How many slots a move takes, and how many cells it covers."""
         way_m = math.hypot(
-            *(s * e for s, e in zip(STEPS[direction], edges(self.scenario), strict=True))
+            *(s * e for s, e in zip(self.steps[direction], edges(self.scenario), strict=True))
         )
         if self.scenario.episode.slot_s is None or not way_m:
             return 1, 1

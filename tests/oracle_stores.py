@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -75,4 +76,14 @@ class Stores:
             "leaked_j": sum(self.leaked_j),
             "idle_j": sum(self.idle_j),
             "asleep_share": sum(self.asleep_slots) / node_slots,
+            **self.survival(),
         }
+
+    def survival(self) -> dict[str, float]:
+        """Where something drains the stores: for how long what is left would do."""
+        storage = self.oracle.scenario.storage
+        joules_a_day = (storage.leakage_w + storage.idle_w) * 24 * 3600
+        if not joules_a_day:
+            return {}
+        days = [energy_j / joules_a_day for energy_j in self.oracle.energy_j]
+        return {"survival_days": math.fsum(days) / len(days)}

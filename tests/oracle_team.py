@@ -71,8 +71,12 @@ class Notebook:
         for entry in settings.entries:
             if entry.kind == "transit":
                 _, slots_left = oracle.transit[self.auv] or (0, 0)
-                longest = max(oracle.slots_and_cells(i)[0] for i in range(6)) - 1
+                longest = max(oracle.slots_and_cells(i)[0] for i in range(len(oracle.steps))) - 1
                 seen.append(slots_left / (longest if self._is_scaled else 1))
+            elif entry.kind == "harvests":
+                distances_m = [oracle.distance_m(self.auv, node) for node in oracle.nodes]
+                slot_s = oracle.scenario.slot_s
+                seen += [self._energy(oracle.sound.harvested_j(m, slot_s)) for m in distances_m]
             else:
                 seen += self._batteries(of_others=entry.kind == "batteries")
         return seen

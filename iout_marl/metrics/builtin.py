@@ -34,6 +34,10 @@ def _asleep_share(world: World, state: State) -> Array:
     return world.nodes.sum(state.asleep_slots) / (world.slots_over(state) * world.num_nodes)
 
 
+def _survival_days(world: World, state: State) -> Array:
+    return world.nodes.sum(world.storage.survival_days(state.energy_j)) / world.num_nodes
+
+
 def _has_limited_stores(scenario: Scenario) -> bool:
     return bool(scenario.storage.part.is_limited)
 
@@ -280,6 +284,23 @@ OF_STORES = (
         low=0.0,
         high=1.0,
         applies=_has_limited_stores,
+    ),
+    Metric(
+        "survival_days",
+        _survival_days,
+        definition=(
+            "How long nodes would stay awake from the end of the episode on without being charged "
+            "or heard, averaged over nodes."
+        ),
+        unit="days",
+        heading="survival days",
+        axis_title="Survival without charging in days",
+        title="Survival of nodes",
+        tag="energy/survival_days",
+        digits=3,
+        better="more",
+        low=0.0,
+        applies=lambda scenario: scenario.storage.part.drains,
     ),
 )
 

@@ -58,7 +58,8 @@ def greedy_action(
     while there are others. In FDD they hear the oldest nodes that can pay, and charge
     where stores grow most in proportion. In TDD a node is worth its age, divided by
     (the slots until it has paid)^haste. No AUV is left without a node, even where it may be
-    (`auvs.idle_choices`).
+    (`auvs.idle_choices`), but one: in FDD an AUV that can run out of energy charges nobody where
+    a slot's charging brings less than an uplink from there takes.
 
     Args:
         world: the world: its rules. `state` may be of another number of environments.
@@ -107,6 +108,9 @@ def _choose_two(world: World, state: State, here: Links) -> tuple[Integers, Inte
         chosen = np.where(decided, charged[:, charger], growth.argmax(-1))
         energy_j[every, chosen] += np.where(decided, 0, harvested_j[every, chosen])
         charged[:, charger] = chosen
+        if world.vehicle.is_limited and world.scenario.auvs.idle_choices:
+            pays = accepted_j[every, chosen] >= here.required_j[every, charger, chosen]
+            charged[:, charger] = np.where(pays, chosen, world.num_nodes)
     return charged, heard
 
 

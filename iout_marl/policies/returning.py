@@ -35,7 +35,7 @@ class Return(BasePolicy):
     It turns back as soon as one more slot of its round, in which it charges throughout, would
     leave too little for the way to the nearest dock, and goes on with a battery that is `FULL`.
     Nodes are named as by `tour`. Where an AUV may charge nobody (`auvs.idle_choices`), it charges
-    only where a slot's harvest pays for an uplink, and nobody on its way back. AUVs that get in one
+    nobody on its way back. AUVs that get in one
     another's way are not foreseen. Without docks, or end of energy, it is a round alone.
     """
 
@@ -141,13 +141,10 @@ def _named(
     cell = world.motion.move(state, direction).cell
     nodes = greedy_action(world, state, cell, (1.0,))[0]
     if world.scenario.auvs.idle_choices:
-        here = links(world, cell, state)
-        charged = nodes[..., :1]
-        pays = np.take_along_axis(here.harvested_j >= here.required_j, charged, -1)[..., 0]
-        spares = is_returning | ~pays
+        spares = is_returning
         if world.duplex.num_choices == 1:
             # What needs no charging is heard anyway.
-            missing = np.take_along_axis(here.missing_slots, charged, -1)[..., 0]
-            spares = is_returning & (missing > 0)
+            missing = links(world, cell, state).missing_slots
+            spares = spares & (np.take_along_axis(missing, nodes, -1)[..., 0] > 0)
         nodes[..., 0] = np.where(spares, world.num_nodes, nodes[..., 0])
     return nodes

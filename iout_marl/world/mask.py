@@ -12,11 +12,12 @@ from iout_marl.world.motion import Mover
 
 
 class ActionMask:
-    """Marks sensible choices: staying in the grid, hearing a node that may pay.
+    """Marks sensible choices: staying inside, charging a node in reach, hearing one that may pay.
 
     Of an AUV under way, whose direction is ignored, all directions but the first are masked out.
 
-    Where an AUV names one node to charge and one to hear, as in FDD, the one heard is masked out
+    Where an AUV names one node to charge and one to hear, as in FDD, the one charged is masked out
+    where it would harvest nothing from any cell within one move. The one heard is masked out
     only where it could not pay from any cell within one move, even if all AUVs charged it in the
     same slot, each from where it is best done. Where it names one for both, as in TDD, every node
     may be chosen: what cannot send is charged. Nor is a node masked out that
@@ -49,6 +50,9 @@ class ActionMask:
         self._hears_another = scenario.duplex.part.num_choices > 1
         #: (auvs, auvs): 1 for each other AUV.
         self._others = backend.floats(1 - np.eye(scenario.num_auvs))
+        harvests = np.asarray(link.budget.harvested_power_w(context.grid.offset_distances_m()))
+        self._may_harvest_nothing = bool((harvests == 0).any())
+        self._nothing = backend.floats(0.0)
         self._sees_others = scenario.observation.other_auvs
         best_j = float(np.max(np.asarray(link.budget.harvested_power_w(0.0)))) * link.slot_s
         self._others_at_best_j = backend.floats((scenario.num_auvs - 1) * best_j)
@@ -64,7 +68,12 @@ class ActionMask:
         any_node = xp.broadcast_to(xp.ones_like(state.age, dtype=xp.bool)[:, None, :], shape)
         masks = [inside, any_node]
         if self._hears_another:
-            may_pay = self._may_pay(state)
+            reachable = self._motion.reachable(state)
+            offset = self._link.offset(reachable[..., None], state.node_cell[:, None, None, :])
+            charged_j = self._link.at(self._link.harvested_w, offset) * self._link.slot_s
+            if self._may_harvest_nothing:
+                masks[1] = xp.any(charged_j > self._nothing, axis=2)
+            may_pay = self._may_pay(state, offset, charged_j)
             if self._view.is_limited:
                 may_pay = may_pay | ~self._view.sees(state.cell, state.node_cell)
             masks.append(may_pay)
@@ -85,11 +94,15 @@ class ActionMask:
             inside = inside & (can_act | self._rests)
         return [inside, *([mask & can_act for mask in nodes] if self._idle_choices else nodes)]
 
-    def _may_pay(self, state: State) -> Array:
+    def _may_pay(self, state: State, offset: Array, charged_j: Array) -> Array:
+        """Which nodes might send, (envs, auvs, nodes).
+
+        Args:
+            state: the state.
+            offset: how nodes lie to the cells that AUVs reach, (envs, auvs, directions, nodes).
+            charged_j: what nodes harvest from there, alike.
+        """
         link = self._link
-        reachable = self._motion.reachable(state)
-        offset = link.offset(reachable[..., None], state.node_cell[:, None, None, :])
-        charged_j = link.at(link.harvested_w, offset) * link.slot_s
         if self._sees_others:
             others_j = self._others @ self._xp.max(charged_j, axis=2)
         else:

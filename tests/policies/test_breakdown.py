@@ -100,7 +100,8 @@ def test_the_command_has_columns_for_stores(iout, monkeypatch):
         "evaluate", "paper/k3-fdd", "--policy", "greedy", "--nodes", "--episodes", 1, *words
     )[1]
     assert "spilled J" in out
-    assert "asleep slots" in out
+    assert "asleep" in out
+    assert "survival" in out
     assert "asleep" not in iout("evaluate", "paper/k3-fdd", "--nodes", "--episodes", 1)[1]
 
 

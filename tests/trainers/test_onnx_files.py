@@ -9,6 +9,7 @@ import numpy as np
 import onnxruntime
 import pytest
 import torch
+from batteries import BATTERY
 from torch import nn
 
 from iout_marl import InputError, World, evaluate, load_scenario, parts
@@ -36,7 +37,8 @@ CASES = {
             "observation.time": True,
             "observation.view_range_m": 400,
             "observation.agent_index": True,
-            "observation.entries": ["time", "transit"],
+            "observation.entries": ["time", "transit", "harvests", "battery", "batteries"],
+            "vehicle": BATTERY,
             "episode.slot_s": 10,
             "training.activation": "relu",
             "training.observation_scaling": "running",

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from oracle import STEPS, Oracle
+from oracle import Oracle
 
 from iout_marl.scenario import load_scenario
 from iout_marl.world import World, node_codes
@@ -77,14 +77,14 @@ def biased_action(rng: random.Random, env: int, oracle: Oracle) -> list[list[int
     target = {0: None, 1: 0, 2: oracle.slot // 12 % num_nodes}[env]
     action = []
     for cell in oracle.auv_cells:
-        direction = rng.randrange(7 if oracle.scenario.auvs.motion.kind == "hover" else 6)
+        direction = rng.randrange(len(oracle.steps))
         nodes = [rng.randrange(num_choices), rng.randrange(num_choices)]
         if target is not None and rng.random() < 0.8:
             goal = oracle.node_cells[target]
             nodes = [target if rng.random() < 0.85 else node for node in nodes]
             ahead = [
                 i
-                for i, step in enumerate(STEPS)
+                for i, step in enumerate(oracle.steps)
                 if sum(s * (g - c) for s, g, c in zip(step, goal, cell, strict=True)) > 0
             ]
             direction = rng.choice(ahead) if ahead else direction

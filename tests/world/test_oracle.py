@@ -299,6 +299,7 @@ CASES = {
             **MODEM,
             "uplink": {**MODEM["uplink"], "power_control": False},
             "harvester": {**MODEM["harvester"], "threshold_w": 1e-3},
+            "observation.entries": ["harvests"],
         },
     ),
     "modem-tdd": Case(
@@ -449,6 +450,16 @@ CASES = {
     ),
     "batteries-tdd": Case(
         "paper/k5-tdd", (TDD | TIRED) - {"overserved node", "left grid"}, ON_BATTERY
+    ),
+    "planar-fdd": Case(
+        "paper/k5-fdd",
+        FDD | SHARED,
+        {
+            **THREE_AUVS,
+            "auvs.motion": "planar",
+            "observation.kind": "scaled",
+            "observation.entries": ["harvests"],
+        },
     ),
     "batteries-fdd-docks": Case(
         "best/k5-fdd", FDD - {"overserved node"} | TIRED | {"vehicle docked"}, DOCKED

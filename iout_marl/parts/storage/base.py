@@ -17,6 +17,8 @@ from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import LARGEST, SMALLEST
 from iout_marl.whole import is_number, short
 
+_SECONDS_PER_DAY = 86_400
+
 
 class Rest(NamedTuple):
     """What becomes of stored energy in the rest of a slot; the three add up to what there was."""
@@ -41,6 +43,15 @@ class Storage(Part):
     initial_j: float = 0.0
     capacity_j: float | None = None
     drain_w: float = 0.0
+
+    @property
+    def drains(self) -> bool:
+        """Whether a node that is left alone runs out of energy."""
+        return self.is_limited and self.drain_w > 0
+
+    def survival_days(self, energy_j: Array) -> Array:
+        """For how many days this pays for what drains a store, where anything does."""
+        return energy_j / (self.drain_w * _SECONDS_PER_DAY)
 
     def check_stated(self, scenario: Scenario) -> None:  # noqa: ARG002
         if not isinstance(self.is_limited, bool):
