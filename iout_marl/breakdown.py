@@ -126,6 +126,10 @@ class Tally:
             moves |= state.transit_slots > 0
         self._moves += moves
         self._packets += events.delivered
+        for i in range(events.polled.shape[2]):
+            polled = nodes.flat_index(events.polled[..., i])
+            self._spent_j = nodes.scatter_add(self._spent_j, polled, events.polled_j[..., i])
+            self._packets += events.polled_delivered[..., i]
         self._delivered_j += events.harvested_j
         self._cell, self._age = state.cell, state.age
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -27,6 +28,9 @@ class Trajectory:
         heard: (slots, auvs) node asked for its packet; 0 likewise.
         delivered: (slots, auvs) whether the packet arrived.
         ages: (slots, nodes) ages after each slot.
+        polled: (slots, auvs) lists of the nodes polled beside, in the order of their packets; None
+            where the scenario has nobody polled.
+        polled_delivered: whether their packets arrived, likewise.
     """
 
     grid: list[int]
@@ -37,6 +41,8 @@ class Trajectory:
     heard: list[list[int]]
     delivered: list[list[bool]]
     ages: list[list[int]]
+    polled: list[list[list[int]]] | None = None
+    polled_delivered: list[list[list[bool]]] | None = None
 
     @classmethod
     def from_recording(cls, recording: Recording) -> Trajectory:
@@ -51,11 +57,33 @@ class Trajectory:
             heard=np.where(only_charged, 0, recording.heard).tolist(),
             delivered=recording.delivered.tolist(),
             ages=recording.ages[1:].astype(int).tolist(),
+            **({} if not recording.polled.shape[2] else _polled(recording)),
         )
 
     def to_json(self) -> dict[str, Any]:
         """The episode as JSON has it; `Trajectory(**…)` reads it back."""
-        return asdict(self)
+        data = asdict(self)
+        return {name: data[name] for name in data if data[name] is not None}
+
+    def polls(self) -> Iterator[tuple[int, int, int, bool]]:
+        """Of nodes polled beside: slot from 1, AUV from 0, node, whether the packet arrived."""
+        rows = zip(self.polled or (), self.polled_delivered or (), strict=True)
+        for slot, (nodes, arrivals) in enumerate(rows, start=1):
+            for auv, pair in enumerate(zip(nodes, arrivals, strict=True)):
+                for node, arrived in zip(*pair, strict=True):
+                    yield slot, auv, node, arrived
+
+
+def _polled(recording: Recording) -> dict[str, Any]:
+    named, arrived = recording.polled, recording.polled_delivered
+    places = [[named[slot, auv] > 0 for auv in range(named.shape[1])] for slot in range(len(named))]
+    return {
+        name: [
+            [values[slot, auv][there].tolist() for auv, there in enumerate(row)]
+            for slot, row in enumerate(places)
+        ]
+        for name, values in (("polled", named), ("polled_delivered", arrived))
+    }
 
 
 def _as_json(spacing_m: Spacing) -> float | list[float]:

@@ -12,10 +12,11 @@ nodes comes nobody.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from oracle_polling import Polls
 from oracle_stores import Stores
 from oracle_team import Notebook
 from oracle_vehicles import Vehicles
@@ -252,6 +253,18 @@ class Slot:
     some_node_able: bool = False
     #: Two or more AUVs took this node's uplink, among them this one.
     contested: bool = False
+    #: Nodes polled beside, nobody where there was no further one; an entry for each round.
+    polled: list[int] = field(default_factory=list)
+    polled_delivered: list[bool] = field(default_factory=list)
+    polled_j: list[float] = field(default_factory=list)
+    #: By node: seconds from the start of its packet to the end of the slot, where AUVs poll.
+    began_s: dict[int, float] = field(default_factory=dict)
+
+    @property
+    def received(self) -> list[int]:
+        """The nodes whose packets have arrived."""
+        pairs = zip(self.polled, self.polled_delivered, strict=True)
+        return [self.heard] * self.delivered + [node for node, arrived in pairs if arrived]
 
 
 class Oracle:
@@ -476,6 +489,11 @@ class Oracle:
                 for *_, auv in takers:
                     self.events[auv].contested = len(takers) > 1
                 sending[min(takers)[-1]] = node
+        if self.scenario.hearing.kind == "polling":
+            self.polls = Polls(self, able)
+            self.polls.hear(sending)
+            self.asked += sum(n != self.nobody for event in self.events for n in event.polled)
+            return
         access = self.scenario.channel.access.kind
         alone = {auv: self.alone_j(auv, node) for auv, node in sending.items()}
         if access == "interference" and len(self.auvs) > 1:
@@ -495,6 +513,13 @@ class Oracle:
     def pay(self, auv: int, node: int, energy_j: float, *, delivered: bool) -> None:
         event = self.events[auv]
         event.delivered, event.spent_j = delivered, energy_j
+        self.take(node, energy_j)
+
+    def packet_j(self, auv: int, node: int) -> float:
+        """Energy of a packet that takes a time of its own."""
+        return self.sound.required_j(self.distance_m(auv, node), self.scenario.slot_s)
+
+    def take(self, node: int, energy_j: float) -> None:
         self.energy_j[node] = max(0.0, self.energy_j[node] - energy_j)
         self.spent_j += energy_j
 
@@ -549,7 +574,7 @@ class Oracle:
             integral_of_ages += integral(lambda t, a=before: min(a + t, maximum), 0, 1)
             if over_time:
                 self.peak_age = max(self.peak_age, min(before + 1, maximum))
-            takers = [a for a, e in enumerate(self.events) if e.delivered and e.heard == node]
+            takers = [a for a, e in enumerate(self.events) if node in e.received]
             if takers:
                 self.age[node] = self.packet_age(takers[0], node) if over_time else 1
                 self.deliveries[node] += 1
@@ -563,7 +588,9 @@ class Oracle:
             self.peak_age = max(self.peak_age, *self.age)
 
     def packet_age(self, auv: int, node: int) -> float:
-        """Slots from the start of a packet to its end, which is that of the slot."""
+        """Slots from the start of a packet to the end of the slot, and of its last packet."""
+        if self.scenario.hearing.kind == "polling":
+            return self.events[auv].began_s[node] / self.scenario.slot_s
         own_s = self.scenario.uplink.kind == "modem" and self.sound.modem_s(
             self.distance_m(auv, node)
         )
@@ -594,7 +621,7 @@ class Oracle:
             "information": [-self.information_penalty(event) for event in self.events],
             "occurrence": [
                 -reward.occurrence_penalty
-                * (event.delivered and self.deliveries[event.heard] > fair_share)
+                * sum(self.deliveries[node] > fair_share for node in event.received)
                 for event in self.events
             ],
         }

@@ -26,7 +26,7 @@ class Notebook:
         """After a slot of the oracle."""
         oracle, reach_m = self.oracle, self.oracle.scenario.observation.view_range_m
         for node in oracle.nodes:
-            takers = [a for a, e in enumerate(oracle.events) if e.delivered and e.heard == node]
+            takers = [a for a, e in enumerate(oracle.events) if node in e.received]
             if reach_m is not None and (
                 takers == [self.auv] or oracle.distance_m(self.auv, node) <= reach_m
             ):

@@ -293,6 +293,8 @@ class Collector:
             later += VEHICLE_FIELDS
         if not self.world.may_be_idle:
             later.append("unasked")
+        if not self.world.hearing.polls:
+            later.append("polled")
         if not self.world.motion.takes_slots:
             later += TRANSIT_FIELDS
         whole = {name: t for name, t in whole.items() if name not in later}
@@ -311,7 +313,7 @@ class Collector:
         """
         states = [
             dict.fromkeys((*STORE_FIELDS, *VEHICLE_FIELDS), one["state"]["age"][:, :0])
-            | {"unasked": self._none_of(one)}
+            | {name: self._none_of(one) for name in ("unasked", "polled")}
             | dict.fromkeys(TRANSIT_FIELDS, one["state"]["cell"][:, :0])
             | one["state"]
             | {"sums": self._sums_of(one)}

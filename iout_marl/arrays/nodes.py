@@ -19,7 +19,7 @@ class NodeAxis:
         num_auvs: M.
         num_nodes: K.
         backend: arrays to work with.
-        may_be_idle: whether an AUV may name K, which is nobody.
+        names_nobody: whether nodes named may be K, which is nobody.
 
     Attributes:
         num_nodes: K, as a floating array.
@@ -32,7 +32,7 @@ class NodeAxis:
         num_nodes: int,
         backend: Backend,
         *,
-        may_be_idle: bool = False,
+        names_nobody: bool = False,
     ) -> None:
         self._xp = backend.xp
         self._is_alone = num_auvs == 1
@@ -44,7 +44,7 @@ class NodeAxis:
         self._ones = backend.floats([1.0] * num_nodes)
         self._ones_of_auvs = backend.floats([[1.0] * num_auvs])
         self.num_nodes = backend.floats(float(num_nodes))
-        self._last_node = backend.integers(num_nodes - 1) if may_be_idle else None
+        self._last_node = backend.integers(num_nodes - 1) if names_nobody else None
 
     def flat_index(self, node: Array) -> Array:
         """Places of the (envs, auvs) nodes: (envs, auvs).

@@ -191,6 +191,11 @@ def _validity(scenario: Scenario) -> str:
         )
     if scenario.num_auvs > 1:
         return "the scheduling bound holds; the one by energy and travel is for one AUV"
+    if scenario.hearing.part.polls:
+        return (
+            "the scheduling bound holds; the one by energy and travel is for AUVs that hear the "
+            "node that they have chosen and no other"
+        )
     if not scenario.duplex.part.has_tables:
         return (
             "the scheduling bound holds; for one by energy and travel the duplex part "
@@ -212,10 +217,11 @@ def _validity(scenario: Scenario) -> str:
 def _stated_by(scenario: Scenario) -> str:
     """'as stated by part …', of the parts from outside that the bounds take at their word.
 
-    How many uplinks can arrive in a slot, the access part says; where nodes lie, where an AUV can
-    go and what a slot does to stored energy only matters to the bound by energy and travel.
+    How many uplinks can arrive in a slot, the access and the hearing part say; where nodes lie,
+    where an AUV can go and what a slot does to stored energy only matters to the bound by energy
+    and travel.
     """
-    relied_on: list[Settings] = [scenario.channel.part.access.settings]
+    relied_on: list[Settings] = [scenario.channel.part.access.settings, scenario.hearing]
     if is_covered(scenario):
         relied_on += [scenario.duplex, scenario.storage, scenario.vehicle]
         relied_on += [scenario.auvs.motion, scenario.nodes]

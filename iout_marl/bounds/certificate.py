@@ -198,8 +198,8 @@ def verified_age_sum(
     _check_is_for(scenario, certificate)
     claimed = certificate.age_sum
     start = np.full((1, scenario.num_nodes), scenario.age.initial, dtype=np.int64)
-    uplinks: int = scenario.channel.part.access.max_uplinks_per_slot(scenario.num_auvs)
-    resets = min(uplinks, scenario.num_auvs)
+    at_once: int = scenario.channel.part.access.max_uplinks_per_slot(scenario.num_auvs)
+    resets = min(at_once, scenario.num_auvs) * scenario.hearing.part.uplinks_per_slot
     proven = int(oldest_first(start, scenario.num_slots, scenario.age.maximum, resets)[0])
     if claimed <= proven:
         return claimed

@@ -43,15 +43,17 @@ class Game(NamedTuple):
 def is_covered(scenario: Scenario) -> bool:
     """Whether the bounds by energy and travel hold.
 
-    They are for one AUV, for nodes that stay where they are, for a duplex part that states
-    what a slot does to levels of energy, for stores with which nodes can do nothing that they
-    could not do with empty ones without limits, and for vehicles likewise.
+    They are for one AUV that hears the node that it names and no other, for nodes that stay where
+    they are, for a duplex part that states what a slot does to levels of energy, for stores with
+    which nodes can do nothing that they could not do with empty ones without limits, and for
+    vehicles likewise.
     """
     is_fixed = scenario.nodes.part.redraws == "never"
     limits = scenario.storage.part, scenario.vehicle.part
     only_removes = all(part.can_only_remove(scenario) for part in limits)
     has_tables = scenario.duplex.part.has_tables
-    return bool(scenario.num_auvs == 1 and is_fixed and has_tables and only_removes)
+    hears_one = not scenario.hearing.part.polls
+    return bool(scenario.num_auvs == 1 and hears_one and is_fixed and has_tables and only_removes)
 
 
 def finite_game(scenario: Scenario, levels_j: tuple[float, ...]) -> Game:

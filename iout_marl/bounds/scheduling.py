@@ -17,11 +17,13 @@ MOST_AGE_SUM = 2**62
 def resets_per_slot(scenario: Scenario) -> int:
     """R, the number of ages that one slot can reset.
 
-    An AUV hears one node a slot, and a node delivers to one AUV at most: min(M, K), or less
-    where the access part lets fewer uplinks arrive.
+    An AUV hears as many nodes a slot as the hearing part says, one or more, and a node delivers to
+    one AUV at most: min(M, K) or more, or less where the access part lets fewer uplinks arrive at
+    the same time.
     """
-    uplinks: int = scenario.channel.part.access.max_uplinks_per_slot(scenario.num_auvs)
-    return min(uplinks, scenario.num_auvs, scenario.num_nodes)
+    at_once: int = scenario.channel.part.access.max_uplinks_per_slot(scenario.num_auvs)
+    in_turn: int = scenario.hearing.part.uplinks_per_slot
+    return min(min(at_once, scenario.num_auvs) * in_turn, scenario.num_nodes)
 
 
 def least_remaining_ages(ages: Integers, num_slots: int, maximum: int, resets: int) -> Integers:

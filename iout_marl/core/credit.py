@@ -42,7 +42,14 @@ class Credit:
         nothing = self._backend.zeros((num_envs, *self._shape))
         return {"others_age": nothing + self._initial_age, "others_deliveries": nothing}
 
-    def after(self, state: State, age: Array, place: Array, delivered: Array) -> dict[str, Array]:
+    def after(
+        self,
+        state: State,
+        age: Array,
+        place: Array,
+        delivered: Array,
+        polled: Array | None = None,
+    ) -> dict[str, Array]:
         """Fields of the state after a slot.
 
         Args:
@@ -50,6 +57,7 @@ class Credit:
             age: (envs, nodes) ages after it.
             place: (envs, auvs) places of the nodes heard.
             delivered: (envs, auvs) bool, whether they delivered.
+            polled: (envs, auvs, nodes) bool, which nodes polled beside delivered, if any were.
         """
         if self.is_shared:
             return {
@@ -59,6 +67,8 @@ class Credit:
         xp = self._backend.xp
         # A node delivers to one AUV at most, so that "to another" is "to any, but not to me".
         to_me = self._nodes.flags(place, delivered)
+        if polled is not None:
+            to_me = to_me | polled
         by_others = xp.any(to_me, axis=1, keepdims=True) & ~to_me
         older, _ = advance(xp, state.others_age, self._maximum_age)
         more = state.others_deliveries + 1

@@ -13,8 +13,9 @@ class Sampling:
     """How `age.sampling` has ages read.
 
     With `slot_end` a node that delivers is 1 slot old at the end of it, and ages are read there.
-    With `packet_start` its data are from when the packet began, which arrives at the end of the
-    slot; ages are integrated over time, along which they grow evenly.
+    With `packet_start` its data are from when the packet began. An AUV's packets follow one
+    another without a gap, the last ends with the slot, and all count from there on; ages are
+    integrated over time, along which they grow evenly.
 
     Args:
         scenario: the scenario.
@@ -39,7 +40,11 @@ class Sampling:
         """
         least_s = self._link.at(self._link.least_uplink_s, heard_offset)
         uplink_s = self._xp.where(least_s > self._nothing, least_s, split.uplink_s)
-        return uplink_s / self._link.slot_s - self._one
+        return self.reset_to_s(uplink_s)
+
+    def reset_to_s(self, age_s: Array) -> Array:
+        """As `reset_to`, of packets that began so many seconds before the end of the slot."""
+        return age_s / self._link.slot_s - self._one
 
     def counted(self, before: Array, after: Array) -> Array:
         """What a slot adds to the sum of ages, by ages before and after it: (…, nodes) each."""

@@ -63,6 +63,8 @@ class State(NamedTuple):
     stranded_slots: Array  # (envs, auvs) float, count: slots that began with an empty battery
     # What AUVs left undone; no column where they name a node in every slot.
     unasked: Array  # (envs, 1) float, count: slots, summed over AUVs, in which nobody was heard
+    # What AUVs polled beside; no column where none polls.
+    polled: Array  # (envs, 1) float, count: packets of nodes polled so far, lost ones too
     # Moves that are not over; no columns where none takes longer than a slot.
     transit_slots: Array  # (envs, auvs) int: slots until the move ends; 0 for nobody under way
     course: Array  # (envs, auvs) int: its direction, or the one that was named last
@@ -90,6 +92,10 @@ class Events(NamedTuple):
     # Of AUVs; none where the energy of vehicles has no end.
     drawn_j: Array  # (envs, auvs) float, J: energy drawn from the battery
     stranded: Array  # (envs, auvs) bool: the battery was empty, and the AUV did nothing
+    # Nodes polled beside, in the order of their packets; no rounds where none is (`hearing`).
+    polled: Array  # (envs, auvs, rounds) int: node polled; K for none
+    polled_delivered: Array  # (envs, auvs, rounds) bool: it has delivered its packet
+    polled_j: Array  # (envs, auvs, rounds) float, J: energy that it has spent
 
     @property
     def payable_j(self) -> Array:

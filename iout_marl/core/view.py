@@ -52,6 +52,7 @@ class View:
         energy_j: Array,
         place: Array,
         delivered: Array,
+        polled: Array | None = None,
     ) -> dict[str, Array]:
         """Fields of the state after a slot.
 
@@ -61,6 +62,7 @@ class View:
             age, energy_j: (envs, nodes) ages and stored energies after it.
             place: (envs, auvs) places of the nodes heard.
             delivered: (envs, auvs) bool, whether they delivered.
+            polled: (envs, auvs, nodes) bool, which nodes polled beside delivered, if any were.
         """
         if not self.is_limited:
             return {
@@ -70,6 +72,8 @@ class View:
             }
         xp = self._backend.xp
         seen = self.sees(cell, state.node_cell) | self._nodes.flags(place, delivered)
+        if polled is not None:
+            seen = seen | polled
         slot = xp.astype(state.slot + 1, age.dtype)[:, None, None]
         return {
             "seen_age": xp.where(seen, age[:, None, :], state.seen_age),

@@ -34,7 +34,7 @@ INFO_KEYS = {
     "harvested_j": "energy that the AUV brought to a node in the last slot, in J",
     "total_harvested_j": "energy that all nodes have harvested so far, in J",
     "total_spent_j": "energy that all nodes have spent on uplinks so far, in J",
-    "delivered": "1 if the AUV received a packet in the last slot, else 0",
+    "delivered": "packets that the AUV received in the last slot: 0 or 1, or more where it polls",
     "beta": "share of the last slot in which the AUV charged, in TDD; 0 in FDD",
     "age_violations": "node-slots so far in which an age would have passed its maximum",
 }
@@ -291,10 +291,18 @@ class EpisodeBatch:
             "harvested_j": last("harvested_j"),
             "total_harvested_j": now("harvested_j"),
             "total_spent_j": now("spent_j"),
-            "delivered": last("delivered"),
+            "delivered": self._delivered() if slot else last("delivered"),
             "beta": last("beta"),
             "age_violations": now("capped_ages"),
         }
+
+    def _delivered(self) -> npt.NDArray[Any]:
+        """Packets of the last slot, (envs, auvs)."""
+        delivered = self._running.last("delivered")
+        if self.world.hearing.polls:
+            polled = self._running.last("polled_delivered")
+            delivered = delivered + polled.reshape(*delivered.shape, -1).sum(-1)
+        return delivered
 
     def _no_events(self, _: str) -> npt.NDArray[np.float64]:
         return np.zeros((self.world.num_envs, self.world.num_auvs))
@@ -303,8 +311,9 @@ class EpisodeBatch:
         """`info` where some episodes have begun later than others."""
         running, slots = self._running, self._running.now("slot")
         begun = slots > 0
-        own = ("harvested_j", "delivered", "beta")
-        last = {name: np.where(begun[:, None], running.last(name), 0.0) for name in own}
+        own = {name: running.last(name) for name in ("harvested_j", "beta")}
+        own["delivered"] = self._delivered()
+        last = {name: np.where(begun[:, None], values, 0.0) for name, values in own.items()}
         now = {name: running.now(field) for name, field in _STATE_FIELDS.items()}
         mean = running.now("age_sum") / np.maximum(slots, 1)
         now["time_mean_aoi"] = np.where(begun, mean, now["mean_aoi"])

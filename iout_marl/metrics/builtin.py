@@ -23,6 +23,8 @@ def _jain_violation(world: World, state: State) -> Array:
 
 def _uplink_success(world: World, state: State) -> Array:
     asked = world.slots_over(state) * world.num_auvs
+    if world.hearing.polls:
+        asked = asked + state.polled[:, 0]
     if world.may_be_idle:
         # Where nobody has been asked so far, nothing has arrived: 0 of 1.
         xp = world.backend.xp
@@ -142,7 +144,8 @@ BUILTIN = (
         "uplink_success",
         _uplink_success,
         definition="Share of the AUVs' slots in which a packet was delivered; slots in which an "
-        "AUV asked nobody do not count.",
+        "AUV asked nobody do not count. Where AUVs poll, each packet of a further node counts as "
+        "one more.",
         unit="",
         heading="uplinks",
         axis_title="Uplinks that arrive",

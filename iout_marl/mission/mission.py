@@ -180,20 +180,23 @@ def _actions(recording: Recording, slot: int, auv: int) -> Iterator[Action]:
 
     A part of it for which there is no time is none, nor is one in which it names nobody.
 
-    Charging comes first where both share the slot, and else both take all of it.
+    Charging comes first where both share the slot, and else both take all of it. Nodes that are
+    heard one after the other come in this order, all with the time that there is for hearing.
     """
     begins_s, ends_s = slot * recording.slot_s, (slot + 1) * recording.slot_s
     beta = float(recording.beta[slot, auv])
     turn_s = begins_s + beta * recording.slot_s
-    charged, heard = int(recording.charged[slot, auv]), int(recording.heard[slot, auv])
+    charged = int(recording.charged[slot, auv])
     x, y, z = recording.path[slot + 1, auv].tolist()
     if charged:
         until_s = turn_s if recording.splits_slot else ends_s
         energy_j = float(recording.harvested_j[slot, auv])
         times = (begins_s, until_s)
         yield Action(auv + 1, slot + 1, "charge", charged, *times, (x, y, z), energy_j, None)
-    if heard and not (recording.splits_slot and beta == 1):
-        times = (turn_s if recording.splits_slot else begins_s, ends_s)
-        energy_j = float(recording.spent_j[slot, auv])
-        delivered = bool(recording.delivered[slot, auv])
-        yield Action(auv + 1, slot + 1, "hear", heard, *times, (x, y, z), energy_j, delivered)
+    if recording.splits_slot and beta == 1:
+        return
+    times = (turn_s if recording.splits_slot else begins_s, ends_s)
+    for node, reason, energy_j in recording.uplinks(slot, auv):
+        yield Action(
+            auv + 1, slot + 1, "hear", node, *times, (x, y, z), energy_j, delivered=reason is None
+        )

@@ -26,6 +26,7 @@ from iout_marl.parts.channel import Channel, channels
 from iout_marl.parts.duplex import Duplex, duplexes
 from iout_marl.parts.entry import Entry, entries
 from iout_marl.parts.harvester import Harvester, harvesters
+from iout_marl.parts.hearing import Call, Heard, Hearing, hearings
 from iout_marl.parts.motion import Motion, motions
 from iout_marl.parts.network import Network, NetworkSizes, networks
 from iout_marl.parts.observation import Representation, representations
@@ -50,6 +51,7 @@ __all__ = [
     "Absorption",
     "Access",
     "BetaRule",
+    "Call",
     "Channel",
     "Context",
     "Count",
@@ -58,6 +60,8 @@ __all__ = [
     "Entry",
     "Fraction",
     "Harvester",
+    "Heard",
+    "Hearing",
     "Motion",
     "Network",
     "NetworkSizes",
@@ -86,6 +90,7 @@ __all__ = [
     "duplexes",
     "entries",
     "harvesters",
+    "hearings",
     "invalid",
     "motions",
     "networks",

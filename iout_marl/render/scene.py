@@ -6,7 +6,7 @@ report's trajectories. `iout_marl.report.trajectory_3d` draws it in space.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -104,9 +104,16 @@ class Scene:
         charged: Sequence[Sequence[int]],
         heard: Sequence[Sequence[int]],
         delivered: Sequence[Sequence[bool]],
+        polled: Iterable[tuple[int, int, int, bool]] = (),
         edges_m: Edges = (1.0, 1.0, 1.0),
     ) -> Scene:
-        """The slots of an episode, as `iout_marl.trajectory.Trajectory` records them."""
+        """The slots of an episode, as `iout_marl.trajectory.Trajectory` records them.
+
+        Args:
+            grid_shape, nodes, path, charged, heard, delivered, edges_m: as there.
+            polled: slot from 1, AUV from 0, node from 1 of nodes polled beside, and whether the
+                packet arrived.
+        """
         links = []
         for slot, (charges, hears, arrivals) in enumerate(
             zip(charged, heard, delivered, strict=True), start=1
@@ -119,6 +126,10 @@ class Scene:
                 if hear:
                     what = Passed.PACKET if arrived else Passed.LOSS
                     links.append(Link(what, slot, auv, hear - 1))
+        links += [
+            Link(Passed.PACKET if arrived else Passed.LOSS, slot, auv, node - 1)
+            for slot, auv, node, arrived in polled
+        ]
         x, y, z = grid_shape
         return cls(
             grid_shape=(x, y, z),

@@ -49,6 +49,8 @@ class Snapshot:
     edges_m: tuple[float, float, float] = (1.0, 1.0, 1.0)  # m: edges of a cell along x, y and z
     capacity_j: float | None = None  # J: the most that a node stores; None for no limit
     battery: Floats | None = None  # (auvs,) share of it that is left; None without end of energy
+    polled: Integers | None = None  # (auvs, rounds) nodes polled beside, in their order
+    polled_delivered: Flags | None = None  # (auvs, rounds) whether their packets arrived
 
     @classmethod
     def from_world(
@@ -86,6 +88,10 @@ class Snapshot:
             delivered=None if events is None else np.array(events.delivered[env], dtype=np.bool_),
             beta=None if events is None else np.array(events.beta[env], dtype=np.float64),
             battery=battery_shares(world, state, env),
+            polled=None if events is None else np.array(events.polled[env], dtype=np.int64),
+            polled_delivered=None
+            if events is None
+            else np.array(events.polled_delivered[env], dtype=np.bool_),
         )
 
     def drawable(self) -> Snapshot:
@@ -140,14 +146,19 @@ class Snapshot:
         ]
 
     def hearing(self) -> list[tuple[int, int, bool]]:
-        """Who asked whom in the last slot: AUV, node, and whether the packet arrived."""
+        """Who asked whom in the last slot: AUV, node, and whether the packet arrived.
+
+        Of each AUV the node that it has chosen comes first, then those that it polled.
+        """
         if self.heard is None or self.delivered is None:
             return []
-        pairs = zip(self.heard, self.delivered, strict=True)
+        nodes, arrived = self.heard[:, None], self.delivered[:, None]
+        if self.polled is not None and self.polled_delivered is not None:
+            nodes = np.concatenate([nodes, self.polled], axis=1)
+            arrived = np.concatenate([arrived, self.polled_delivered], axis=1)
         return [
-            (auv, int(node), bool(arrived))
-            for auv, (node, arrived) in enumerate(pairs)
-            if node < self.num_nodes
+            (auv, int(nodes[auv, i]), bool(arrived[auv, i]))
+            for auv, i in np.argwhere(nodes < self.num_nodes).tolist()
         ]
 
 

@@ -129,17 +129,23 @@ def _ruler(columns: int, scale: int, width: int) -> str:
 
 def _auv_table(s: Snapshot, names: list[str]) -> list[str]:
     charged = dict(s.charging())
-    heard = {auv: (node, arrived) for auv, node, arrived in s.hearing()}
+    heard: dict[int, list[tuple[int, bool]]] = defaultdict(list)
+    for auv, node, arrived in s.hearing():
+        heard[auv].append((node, arrived))
     lines = []
     for auv, name in enumerate(names[:MAX_AUVS]):
+        asked: list[tuple[int | None, bool]] = [*heard[auv]] or [(None, False)]
         words = [f"AUV {name:<2} {_cell(s.auv_positions[auv]):<12}"]
         if s.heard is not None:
-            node, arrived = heard.get(auv, (None, False))
+            chosen, arrived = asked[0]
+            polled = heard[auv][1:]
             words.append(f"charged {charged[auv] + 1 if auv in charged else '-':<3}")
-            words.append(f"heard {'-' if node is None else node + 1:<3}")
+            words.append(f"heard {'-' if chosen is None else chosen + 1:<3}")
             words.append(
-                "delivered" if arrived else "nobody asked" if node is None else "no packet"
+                "delivered" if arrived else "nobody asked" if chosen is None else "no packet"
             )
+            if polled:
+                words.append("polled " + ", ".join(_polled(*each) for each in polled))
         if s.splits_slot and s.beta is not None:
             words.append(f"beta {s.beta[auv]:.2f}")
         if s.battery is not None:
@@ -149,6 +155,10 @@ def _auv_table(s: Snapshot, names: list[str]) -> list[str]:
     if s.num_auvs > MAX_AUVS:
         lines.append(f"… and {s.num_auvs - MAX_AUVS} more AUVs")
     return lines
+
+
+def _polled(node: int, arrived: bool) -> str:  # noqa: FBT001
+    return f"{node + 1}" if arrived else f"{node + 1} (lost)"
 
 
 def _node_table(s: Snapshot, names: list[str]) -> list[str]:

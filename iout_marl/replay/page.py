@@ -195,12 +195,23 @@ def _episode(r: Recording) -> dict[str, Any]:
         "charged": r.charged.ravel().tolist(),
         "heard": r.heard.ravel().tolist(),
         "outcome": r.outcome.ravel().tolist(),
+        **(_polls(r) if r.polled.shape[2] else {}),
         "beta": _short(r.beta) if r.splits_slot else None,
         "harvested": _short(r.harvested_j),
         "spent": _short(r.spent_j),
         "ages": _short(r.ages),
         "energies": _short(r.energy_j),
         **({} if r.battery is None else {"battery": _short(r.battery)}),
+    }
+
+
+def _polls(r: Recording) -> dict[str, Any]:
+    """The same of nodes polled beside."""
+    return {
+        "rounds": r.polled.shape[2],
+        "polled": r.polled.ravel().tolist(),
+        "polled_outcome": r.polled_outcome.ravel().tolist(),
+        "polled_spent": _short(r.polled_j),
     }
 
 

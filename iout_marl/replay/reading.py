@@ -45,6 +45,13 @@ ARRAYS = {
 }
 #: Arrays of some episodes.
 OPTIONAL_ARRAYS = {"battery": _Array(("slots + 1", "auvs"), float, 0, 1)}
+_ROUNDS = ("slots", "auvs", "rounds")
+#: Of nodes polled beside the chosen ones; left out where there are none.
+POLLED = {
+    "polled": _Array(_ROUNDS, int, 0, "nodes"),
+    "polled_outcome": _Array(_ROUNDS, int, 0, "reasons"),
+    "polled_j": _Array(_ROUNDS, float),
+}
 TEXTS = ("scenario", "scenario_hash", "scenario_yaml", "policy", "duplex")
 #: Numbers, with the least that each may be; some of them must be more.
 NUMBERS = {
@@ -155,10 +162,26 @@ class Reader:
             raise self.fault(name, f"must hold lists that are not empty, not {short(first)}")
         return len(first)
 
+    def rounds(self) -> int:
+        """Nodes that an AUV polls in a slot at most; 0 where nothing of it is written."""
+        if not (there := [name for name in POLLED if name in self._data]):
+            return 0
+        if lacking := [name for name in POLLED if name not in self._data]:
+            raise self.fault(lacking[0], f"is missing, but {there[0]} is there")
+        try:
+            first = self._data["polled"][0][0]
+            if isinstance(first, list) and first:
+                return len(first)
+        except (TypeError, LookupError):
+            pass
+        raise self.fault("polled", "must hold a list that is not empty for each slot and AUV")
+
     def array(self, name: str, sizes: Mapping[str, int], grid: tuple[int, int, int]) -> Any:
         """An array of the shape, the type and the range that its table says."""
-        expected = (ARRAYS | OPTIONAL_ARRAYS)[name]
+        expected = (ARRAYS | OPTIONAL_ARRAYS | POLLED)[name]
         shape = tuple(sizes[axis] for axis in expected.axes)
+        if 0 in shape:
+            return np.zeros(shape, dtype=expected.kind)
         try:
             array = np.array(self._data[name])
         except ValueError:  # lists of unlike lengths

@@ -63,6 +63,7 @@ class Recorder:
             np.where(named == world.num_nodes, 0, named + 1)
             for named in (np.array(events.charged[env]), np.array(events.heard[env]))
         )
+        polled = np.array(events.polled[env])
         no_time = world.duplex.splits_slot & (beta == 0)
         own = {name: np.array(getattr(events, name)[env]) for name in _OF_EVENTS}
         self._slots.append(
@@ -75,6 +76,15 @@ class Recorder:
                     self._number(reason)
                     for reason in world.outcomes(self._state, events, state)[env]
                 ],
+                "polled": np.where(polled == world.num_nodes, 0, polled + 1),
+                "polled_outcome": np.reshape(
+                    [
+                        self._number(reason)
+                        for row in world.polled_outcomes(self._state, events, state)[env]
+                        for reason in row
+                    ],
+                    polled.shape,
+                ).astype(np.int64),
                 "rewards": np.array(world.reward(state, events)[env], dtype=np.float64),
             }
         )
@@ -163,7 +173,7 @@ class FirstEpisode:
 
 
 #: Of the events, what is recorded as it is.
-_OF_EVENTS = ("left_grid", "blocked", "harvested_j", "spent_j")
+_OF_EVENTS = ("left_grid", "blocked", "harvested_j", "spent_j", "polled_j")
 
 
 def record_policy(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +14,20 @@ from iout_marl.core.age import jain_of
 from iout_marl.core.reasons import Reason
 from iout_marl.files import read_json, refuse_input, to_json, user_path, write_text
 from iout_marl.render import Snapshot
-from iout_marl.replay.reading import ARRAYS, FORMAT, NUMBERS, TEXTS, VERSION, Reader
+from iout_marl.replay.reading import ARRAYS, FORMAT, NUMBERS, POLLED, TEXTS, VERSION, Reader
 from iout_marl.scenario.spacing import Spacing, edges_m
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
+
+
+class Uplink(NamedTuple):
+    """A node that was asked for its packet."""
+
+    node: int  # counted from 1
+    reason: Reason | None  # why its packet has not arrived; None where it has
+    spent_j: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +58,9 @@ class Recording:
             one, `core.reasons.NOBODY_ASKED`.
         harvested_j: (slots, auvs) energy that the node charged has harvested, in J.
         spent_j: (slots, auvs) energy that the node heard has spent, in J.
+        polled: (slots, auvs, rounds) nodes polled beside, in the order of their packets; 0 for
+            none, and no rounds where the scenario has nobody polled.
+        polled_outcome, polled_j: the same of them as `outcome` and `spent_j`; 0 for none.
         rewards: (slots, auvs).
         ages: (slots + 1, nodes) Age of Information in slots, the first ones first.
         energy_j: (slots + 1, nodes) energy stored in J.
@@ -80,6 +92,9 @@ class Recording:
     outcome: Integers
     harvested_j: Floats
     spent_j: Floats
+    polled: Integers
+    polled_outcome: Integers
+    polled_j: Floats
     rewards: Floats
     ages: Floats
     energy_j: Floats
@@ -105,6 +120,11 @@ class Recording:
         return self.outcome == 0
 
     @property
+    def polled_delivered(self) -> Flags:
+        """(slots, auvs, rounds) whether the packet of the node polled arrived."""
+        return (self.polled > 0) & (self.polled_outcome == 0)
+
+    @property
     def asked(self) -> Flags:
         """(slots, auvs) whether a node was asked for its packet."""
         return self.heard > 0
@@ -115,6 +135,8 @@ class Recording:
         counts = np.zeros((self.slots + 1, self.num_nodes), dtype=np.int64)
         slot, auv = np.nonzero(self.delivered)
         np.add.at(counts, (slot + 1, self.heard[slot, auv] - 1), 1)
+        slot, auv, i = np.nonzero(self.polled_delivered)
+        np.add.at(counts, (slot + 1, self.polled[slot, auv, i] - 1), 1)
         return np.cumsum(counts, axis=0)
 
     def reason(self, slot: int, auv: int) -> Reason | None:
@@ -125,6 +147,23 @@ class Recording:
         """
         number = int(self.outcome[slot, auv])
         return self.reasons[number - 1] if number else None
+
+    def uplinks(self, slot: int, auv: int) -> Iterator[Uplink]:
+        """The nodes asked in a slot: the chosen one, then those polled, in their order.
+
+        Args:
+            slot, auv: counted from 0.
+        """
+        rows = [(self.heard, self.outcome, self.spent_j)]
+        rows += [
+            (self.polled[..., i], self.polled_outcome[..., i], self.polled_j[..., i])
+            for i in range(self.polled.shape[2])
+        ]
+        for node, outcome, spent_j in rows:
+            if node[slot, auv]:
+                number = int(outcome[slot, auv])
+                reason = self.reasons[number - 1] if number else None
+                yield Uplink(int(node[slot, auv]), reason, float(spent_j[slot, auv]))
 
     def snapshot(self, place: int) -> Snapshot:
         """The episode after some slots, for a picture.
@@ -157,6 +196,8 @@ class Recording:
             delivered=self.delivered[slot] if place else None,
             beta=self.beta[slot] if place else None,
             battery=None if self.battery is None else self.battery[place],
+            polled=self._named(self.polled[slot]) if place else None,
+            polled_delivered=self.polled_delivered[slot] if place else None,
         )
 
     def _named(self, node: Integers) -> Integers:
@@ -177,6 +218,8 @@ class Recording:
         """The episode as JSON has it; `from_json` reads it back."""
         values = {name: getattr(self, name) for name in (*TEXTS, "seed", "spacing_m", *NUMBERS)}
         arrays = {name: getattr(self, name).tolist() for name in ARRAYS}
+        if self.polled.shape[2]:
+            arrays |= {name: getattr(self, name).tolist() for name in POLLED}
         return {
             "format": FORMAT,
             "version": VERSION,
@@ -222,6 +265,8 @@ class Recording:
         found["spacing_m"] = read.spacing()
         found["num_slots"] = int(found["num_slots"])
         found |= {name: read.array(name, sizes, grid) for name in ARRAYS}
+        sizes["rounds"] = read.rounds()
+        found |= {name: read.array(name, sizes, grid) for name in POLLED}
         if sizes["slots"] > found["num_slots"]:
             raise read.fault("charged", f"must have at most {found['num_slots']} slots")
         from_nobody = np.argwhere((found["heard"] == 0) & (found["outcome"] == 0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -110,18 +111,25 @@ class TrajectoryPlot:
     def scene(self) -> Scene:
         """The episode as it is drawn."""
         e = self.episode
-        rows = (e.nodes, e.path, e.charged, e.heard, e.delivered)
+        rows = (e.nodes, e.path, e.charged, e.heard, e.delivered, list(e.polls()))
         return Scene.from_episode(e.grid, *rows, edges_m(e.spacing_m))
 
     def rows(self) -> Iterator[tuple[object, ...]]:
         """The data as a table, its headings first; AUVs and nodes are counted from 1."""
         episode = self.episode
         ages = [f"age_node_{i + 1}" for i in range(len(episode.nodes))]
-        yield ("slot", "auv", "x_cell", "y_cell", "z_cell", "charged", "heard", "delivered", *ages)
+        outcomes: tuple[bool, ...] = (True, False) if episode.polled is not None else ()
+        names = ("polled_lost", "polled_delivered")
+        what = ("charged", "heard", "delivered", *(names[arrived] for arrived in outcomes))
+        polled: dict[tuple[int, int, bool], list[str]] = defaultdict(list)
+        for at, who, node, arrived in episode.polls():
+            polled[at, who + 1, arrived].append(str(node))
+        yield ("slot", "auv", "x_cell", "y_cell", "z_cell", *what, *ages)
         slots = (episode.path[1:], episode.charged, episode.heard, episode.delivered, episode.ages)
         for slot, (*of_auvs, of_nodes) in enumerate(zip(*slots, strict=True), start=1):
             for auv, (cell, charged, heard, delivered) in enumerate(zip(*of_auvs, strict=True), 1):
-                yield (slot, auv, *cell, charged, heard, int(delivered), *of_nodes)
+                beside = (" ".join(polled[slot, auv, arrived]) for arrived in outcomes)
+                yield (slot, auv, *cell, charged, heard, int(delivered), *beside, *of_nodes)
 
 
 Figure: TypeAlias = Plot | TrajectoryPlot

@@ -171,7 +171,7 @@ def trajectory_figure(
     record, episode = next(found, (None, None))
     if record is None or episode is None:
         return None
-    packets = sum(map(sum, episode.delivered))
+    packets = sum(map(sum, episode.delivered)) + sum(arrived for *_, arrived in episode.polls())
     return TrajectoryPlot(
         key=key,
         title=f"Path{'s' if record.auvs > 1 else ''} of {series} with "
@@ -191,7 +191,8 @@ def episode_of(record: Record) -> Trajectory | None:
     """The episode of a record, which was checked when it was read; None where it has none."""
     if record.episode is None:
         return None
-    return Trajectory(**{field.name: record.episode[field.name] for field in fields(Trajectory)})
+    kept = {field.name: record.episode.get(field.name) for field in fields(Trajectory)}
+    return Trajectory(**kept)
 
 
 def metrics_table(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from typing import Any, TypeAlias
 
@@ -38,6 +39,10 @@ def _visits(episode: Trajectory, auv: int) -> dict[Cell, str]:
     """What pointing at a cell of a path shows: the visits to it."""
     path = [tuple(places[auv]) for places in episode.path]
     visits: dict[Cell, list[str]] = {path[0]: ["start"]}
+    polled: dict[int, list[str]] = defaultdict(list)
+    for slot, its_auv, node, packet in episode.polls():
+        if its_auv == auv:
+            polled[slot].append(f"{node}{'' if packet else ' (lost)'}")
     slots = zip(
         path[1:], episode.charged, episode.heard, episode.delivered, episode.ages, strict=True
     )
@@ -46,6 +51,8 @@ def _visits(episode: Trajectory, auv: int) -> dict[Cell, str]:
         if heard[auv]:
             arrived = "delivered" if delivered[auv] else "lost"
             did.append(f"hears node {heard[auv]}: packet {arrived}")
+        if polled[slot]:
+            did.append(f"polls {' '.join(polled[slot])}")
         shown = " ".join(map(str, ages[:_MOST_AGES])) + (" …" if len(ages) > _MOST_AGES else "")
         text = f"<b>slot {slot}</b>: {', '.join(did) or 'idle'}<br>   ages {shown}"
         visits.setdefault(cell, []).append(text)
@@ -128,6 +135,7 @@ def _nodes(episode: Trajectory) -> dict[str, Any]:
     heard = [node for slot in episode.heard for node in slot]
     arrived = [packet for slot in episode.delivered for packet in slot]
     packets = list(zip(heard, arrived, strict=True))
+    packets += [(node, packet) for *_, node, packet in episode.polls()]
     numbers = range(1, len(episode.nodes) + 1)
     texts = [
         f"<b>node {number}</b><br>cell {', '.join(map(str, cell))}"

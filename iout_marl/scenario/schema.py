@@ -68,6 +68,10 @@ class Scenario(Section):
     uplink: Annotated[Settings, PartOf("uplink", default="shannon")]
     #: How charging and uplink share the slot.
     duplex: Annotated[Settings, PartOf("duplex")]
+    #: Which nodes an AUV hears in a slot besides the one that it has chosen.
+    hearing: Annotated[Settings, PartOf("hearing", is_word=True)] = Field(
+        "one", validate_default=True
+    )
     age: Age = Field(default_factory=Age)
     fairness: Fairness = Field(default_factory=Fairness)
     #: What a slot is worth to each AUV.
@@ -80,6 +84,7 @@ class Scenario(Section):
 
     hash_defaults: ClassVar[dict[str, Any]] = {
         "storage": {"kind": "unlimited"},
+        "hearing": "one",
         "vehicle": {"kind": "unlimited"},
     }
     not_hashed: ClassVar[frozenset[str]] = frozenset({"name", "description"})
@@ -114,6 +119,7 @@ class Scenario(Section):
             self.storage,
             self.vehicle,
             self.duplex,
+            self.hearing,
             self.reward,
             *entries,
         ):

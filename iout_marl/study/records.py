@@ -115,6 +115,8 @@ class _Episode(Saved):
     heard: list[_OfEach]
     delivered: list[Annotated[list[bool], Field(min_length=1)]]
     ages: list[_OfEach]
+    polled: list[Annotated[list[list[Counted]], Field(min_length=1)]] | None = None
+    polled_delivered: list[Annotated[list[list[bool]], Field(min_length=1)]] | None = None
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
@@ -138,7 +140,23 @@ class _Episode(Saved):
         for name in ("charged", "heard"):
             if any(node > nodes for row in getattr(self, name) for node in row):
                 raise invalid((name,), f"names a node beyond the last, {nodes}")
+        self._polls_fit_together(slots, auvs, nodes)
         return self
+
+    def _polls_fit_together(self, slots: int, auvs: int, nodes: int) -> None:
+        polled, arrived = self.polled, self.polled_delivered
+        if (polled is None) != (arrived is None):
+            raise invalid(("polled",), "and polled_delivered go together")
+        if polled is None or arrived is None:
+            return
+        for name, rows in (("polled", polled), ("polled_delivered", arrived)):
+            if len(rows) != slots or any(len(row) != auvs for row in rows):
+                raise invalid((name,), f"must have {slots} rows of {auvs}")
+        pairs = [pair for rows in zip(polled, arrived, strict=True) for pair in zip(*rows)]  # noqa: B905
+        if any(len(named) != len(packets) for named, packets in pairs):
+            raise invalid(("polled_delivered",), "must say it of each node of polled")
+        if any(node > nodes for named, _ in pairs for node in named):
+            raise invalid(("polled",), f"names a node beyond the last, {nodes}")
 
 
 class Record(Saved):

@@ -145,6 +145,13 @@ def check_reasons(_: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
             arrived = np.array([[reason is None for reason in row] for row in found])
             where = f"slot {slot} by seed {seed}: "
             assert np.array_equal(arrived, events.delivered), f"{where}outcomes"
+            polled = world.polled_outcomes(before, events, state)
+            lost = np.reshape(
+                [reason is not None for row in polled for auv in row for reason in auv],
+                events.polled.shape,
+            )
+            expected = (events.polled < world.num_nodes) & ~events.polled_delivered
+            assert np.array_equal(lost, expected), f"{where}polled_outcomes"
 
 
 def check_duplex(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
@@ -187,6 +194,9 @@ def check_storage(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
         )
         np.add.at(gained_j, (env, charged), events.harvested_j)
         np.add.at(gained_j, (env, heard), -events.spent_j)
+        for i in range(events.polled.shape[2]):
+            polled = np.minimum(events.polled[..., i], world.num_nodes - 1)
+            np.add.at(gained_j, (env, polled), -events.polled_j[..., i])
         lost_j = state.spilled_j + state.leaked_j + state.idle_j if part.is_limited else 0.0
         gap_j = np.abs(start_j + gained_j - lost_j - state.energy_j)
         assert (gap_j <= 1e-9 * (1 + np.abs(gained_j) + lost_j)).all(), (
@@ -218,6 +228,30 @@ def check_vehicle(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
     check_reasons(part, scenario, seeds)
 
 
+def check_hearing(_: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
+    """No node is heard twice in a slot; packets fit into it; energy is conserved; reasons."""
+    world = World(scenario, len(seeds))
+    state, most = first_state(world, seeds), world.hearing.uplinks_per_slot
+    for slot, action in enumerate(actions_for(world, seeds[0])):
+        before = state
+        state, events = world.step(before, action)
+        where = f"slot {slot} by seeds {seeds}: "
+        sent = events.polled < world.num_nodes
+        own = events.delivered + events.polled_delivered.sum(axis=2)
+        assert (own <= most).all(), f"{where}more than uplinks_per_slot arrive at an AUV"
+        counts = state.deliveries - before.deliveries
+        assert (counts <= 1).all(), f"{where}a node delivers twice"
+        assert (counts.sum(axis=1) == own.sum(axis=1)).all(), f"{where}packets are lost count of"
+        lasts_s = np.zeros(state.cell.shape)
+        for i in range(events.polled.shape[2]):
+            place = world.nodes.flat_index(events.polled[..., i])
+            offset = world.link.offset(state.cell, world.nodes.gather(state.node_cell, place))
+            lasts_s += np.where(sent[..., i], world.link.least_uplink_s[offset], 0.0)
+        has_s = (1 - events.beta) * world.link.slot_s
+        assert (lasts_s <= has_s * (1 + 1e-9)).all(), f"{where}packets take more than the slot"
+    check_storage(scenario.storage.part, scenario, seeds)
+
+
 CHECKS: Mapping[str, Callable[[Any, Scenario, Sequence[int]], None]] = {
     "absorption": check_absorption,
     "access": check_reasons,
@@ -225,6 +259,7 @@ CHECKS: Mapping[str, Callable[[Any, Scenario, Sequence[int]], None]] = {
     "channel": check_channel,
     "duplex": check_duplex,
     "harvester": check_harvester,
+    "hearing": check_hearing,
     "observation entry": check_entry,
     "placement": check_placement,
     "storage": check_storage,

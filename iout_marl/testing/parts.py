@@ -53,6 +53,20 @@ NOBODY = {"auvs.idle_choices": True}
 TEAM = {"auvs.start_cells": [[2, 2, 1], [4, 2, 1], [1, 3, 2]]}
 ALONE = {"auvs.start_cells": [[2, 2, 1]]}
 ONE_BAND = {"channel.access": "interference"}
+#: Modems, whose packets leave time for further ones.
+MODEMS = {
+    "channel": {"kind": "sonar", "spreading_factor": 2.0},
+    "charging.power_w": 2000,
+    "harvester": {"kind": "aperture", "area_m2": 0.05, "efficiency": 0.6},
+    "uplink": {
+        "kind": "modem",
+        "bit_rate_bps": 3000.0,
+        "packet_bits": 2048.0,
+        "bandwidth_hz": 4500.0,
+        "electronics_w": 0.8,
+        "maximum_source_level_db": 118.0,
+    },
+}
 #: The worlds, by what they are called where a test fails.
 WORLDS: Mapping[str, tuple[str, dict[str, Any]]] = {
     "3 AUVs, FDD": ("paper/k5-fdd", SMALL | TEAM),
@@ -190,7 +204,18 @@ def _bases(role: str, overrides: Overrides) -> Iterator[tuple[str, Scenario]]:
         # A duplex part stands in for either; its worlds are those for the paper's first.
         is_out = {"beta rule": "TDD" not in name, "duplex": "FDD" not in name}
         if not is_out.get(role) and not (role == "access" and "one band" in name):
-            yield name, load_scenario(load_scenario(base, changes), overrides)
+            more = _with_modems(name) if role == "hearing" else {}
+            yield name, load_scenario(load_scenario(base, changes | more), overrides)
+
+
+def _with_modems(name: str) -> dict[str, Any]:
+    """What a world takes for uplinks that have a time of their own."""
+    more: dict[str, Any] = dict(MODEMS)
+    if "TDD" in name:
+        more["duplex.beta_rule"] = "airtime"
+    if "one band" in name:
+        more["channel.access"] = "exclusive"
+    return more
 
 
 def _key(role: str) -> str:

@@ -24,6 +24,9 @@ OF_AUVS = {
     *(
         "transit_slots",
         "course",
+        "event polled",
+        "polled_delivered",
+        "polled_j",
         "event spent_j",
         "reward",
         "observation",
@@ -36,7 +39,7 @@ OF_NODES = {
     *("others_age", "others_deliveries", "available_j", "entry of nodes"),
     *("spilled_j", "leaked_j", "idle_j", "asleep_slots"),
 }
-CHOSEN_NODES = {"charged", "heard"}
+CHOSEN_NODES = {"charged", "heard", "event polled"}
 
 
 @dataclass(frozen=True)

@@ -266,13 +266,13 @@ def _take(table: Any, index: Any) -> SymbolArray:
 def _index_add(values: Any, axis: int, index: SymbolArray, amount: SymbolArray) -> SymbolArray:
     """The (entries) values, each with the amounts for its index; the only axis is 0."""
     assert axis == 0
-    result = values.values.copy()
+    result = np.array(objects(values), dtype=object)
     for i, more in zip(index.values, amount.values, strict=True):
         for entry, value in enumerate(result):
             result[entry] = i.program.line(
                 "{0} + {1} if {2} == {3} else {0}", value, more, i, entry
             )
-    return SymbolArray(result, values.kind)
+    return SymbolArray(result, _kind(values))
 
 
 def _argsort(values: SymbolArray, axis: int = -1) -> SymbolArray:

@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from iout_marl.core.reasons import NOBODY_ASKED, NOT_STATED, STRANDED, Reason
+from iout_marl.core.split import Split
 from iout_marl.core.state import Events, State
 from iout_marl.parts import Request
 from iout_marl.physics.arrays import Array
+from iout_marl.world.addressed import Addressed
+from iout_marl.world.polled import listen
 
 if TYPE_CHECKING:
     from iout_marl.world.world import World
@@ -34,18 +37,9 @@ def outcomes(world: World, before: State, events: Events, after: State) -> Outco
     Raises:
         InputError: a part from outside gives something else than flags.
     """
-    named = world.addressed(before.node_cell, after.cell, events.charged, events.heard)
-    stored_j = world.nodes.gather(before.energy_j, named.heard_index)
-    available_j = world.nodes.gather(events.available_j, named.heard_index)
-    split = world.duplex.split(named.charged_offset, named.heard_offset, stored_j)
-    if named.charges is not None:
-        split = world.without_idle(split, named.charges)
-    come_j = world.nodes.scatter_add(before.energy_j, named.charged_index, events.harvested_j)
+    named, split, request = _asked(world, before, events, after)
+    available_j, sends = request.available_j, request.sends
     wanted = world.duplex.sends(split, available_j)
-    sends = world.sends(split, named.heard_index, named.hears, come_j, available_j)
-    request = Request(
-        after.cell, events.heard, named.heard_cell, sends, available_j, named.heard_offset
-    )
     lost = ~np.asarray(events.delivered)
     found: Outcomes = [[NOT_STATED if each else None for each in row] for row in lost.tolist()]
     has_reason = np.zeros_like(lost)
@@ -67,6 +61,50 @@ def outcomes(world: World, before: State, events: Events, after: State) -> Outco
             for env, auv in np.argwhere(new).tolist():
                 found[env][auv] = reason
     return found
+
+
+def polled_outcomes(
+    world: World, before: State, events: Events, after: State
+) -> list[list[list[Reason | None]]]:
+    """What came of every packet of a node polled, in the order of `Events.polled`.
+
+    None also where there was none. Arguments and errors as of `outcomes`.
+    """
+    lost = (events.polled < world.num_nodes) & ~events.polled_delivered
+    found: list[list[list[Reason | None]]] = [
+        [[NOT_STATED if each else None for each in row] for row in rows] for rows in lost.tolist()
+    ]
+    if not lost.any():
+        return found
+    named, split, request = _asked(world, before, events, after)
+    heard = listen(world, before, request, split, named.hears, events.available_j)
+    for i, (asked, own_split) in enumerate(heard.rounds):
+        unknown = lost[..., i].copy()
+        for reason, flags in _checked(
+            world.access, world.access.why_lost(asked, own_split), unknown.shape
+        ):
+            for env, auv in np.argwhere(flags & unknown).tolist():
+                found[env][auv][i] = reason
+            unknown &= ~flags
+    return found
+
+
+def _asked(
+    world: World, before: State, events: Events, after: State
+) -> tuple[Addressed, Split, Request]:
+    """The nodes named in a slot, its split, and the request for those heard."""
+    named = world.addressed(before.node_cell, after.cell, events.charged, events.heard)
+    stored_j = world.nodes.gather(before.energy_j, named.heard_index)
+    available_j = world.nodes.gather(events.available_j, named.heard_index)
+    split = world.duplex.split(named.charged_offset, named.heard_offset, stored_j)
+    if named.charges is not None:
+        split = world.without_idle(split, named.charges)
+    come_j = world.nodes.scatter_add(before.energy_j, named.charged_index, events.harvested_j)
+    sends = world.sends(split, named.heard_index, named.hears, come_j, available_j)
+    request = Request(
+        after.cell, events.heard, named.heard_cell, sends, available_j, named.heard_offset
+    )
+    return named, split, request
 
 
 def _checked(

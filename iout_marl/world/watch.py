@@ -14,7 +14,7 @@ import numpy as np
 
 from iout_marl.core.limits import unheard
 from iout_marl.core.split import Split
-from iout_marl.parts import Request, Rest
+from iout_marl.parts import Call, Heard, Request, Rest
 from iout_marl.physics.arrays import Array
 from iout_marl.registry import on_change
 from iout_marl.scenario import Scenario
@@ -223,6 +223,61 @@ def _look_at_access(watch: _Watch, _: Any) -> None:
     world.access = _Watched(world.access, watch.over(world.access, look))
 
 
+def _look_at_hearing(watch: _Watch, _: Any) -> None:
+    world, xp = watch.world, watch.world.backend.xp
+    part, rounds = world.hearing, world.hearing.rounds(world.num_nodes)
+    if not part.polls:
+        return
+    nobody = world.num_nodes
+    columns = {"(envs, auvs, rounds)": (world.num_envs, world.num_auvs, rounds)}
+    nodes = (world.num_envs, world.num_auvs, world.num_nodes)
+    of_nodes = {"(envs, auvs, nodes)": nodes, "(envs, 1, nodes)": (nodes[0], 1, nodes[2])}
+
+    def look_at_urgency(urgency: Any, *_: Any) -> None:
+        watch.array("urgency", urgency, of_nodes)
+        watch.finite("urgency", urgency)
+
+    def look(heard: Any, call: Call) -> None:
+        if not isinstance(heard, Heard):
+            raise watch.settings.entry.fault(f"must return a Heard, not {short(heard)}")
+        chosen, spent_j = heard.chosen
+        watch.array("chosen.delivered", chosen, watch.per_auv, is_flags=True)
+        watch.array("chosen.spent_j", spent_j, watch.per_auv)
+        for name in ("spent_j", "age_s"):
+            watch.array(name, getattr(heard, name), columns)
+            watch.finite(name, getattr(heard, name))
+            watch.need(getattr(heard, name) >= 0, f"{name} must not be negative")
+        watch.array("delivered", heard.delivered, columns, is_flags=True)
+        if tuple(heard.node.shape) not in columns.values() or heard.node.dtype != xp.int64:
+            raise watch.settings.entry.fault(
+                f"node must be of int64, (envs, auvs, rounds) = {columns['(envs, auvs, rounds)']}, "
+                f"not of {heard.node.dtype} and shape {tuple(heard.node.shape)}"
+            )
+        watch.need((heard.node >= 0) & (heard.node <= nobody), "node must be from 0 to K, nobody")
+        watch.need((heard.node < nobody) | ~heard.delivered, "nobody must not deliver")
+        own = xp.concat([call.request.heard[..., None], heard.node], axis=2)
+        arrived = xp.concat([chosen[..., None], heard.delivered], axis=2)
+        watch.need(
+            xp.sum(xp.astype(arrived, xp.int64), axis=2) <= part.uplinks_per_slot,
+            f"no more than uplinks_per_slot, {part.uplinks_per_slot}, may arrive at an AUV",
+        )
+        every, came = (xp.reshape(each, (world.num_envs, -1)) for each in (own, arrived))
+        times = (every[:, :, None] == every[:, None, :]) & came[:, :, None] & came[:, None, :]
+        watch.need(
+            xp.sum(xp.astype(times, xp.int64), axis=2) <= 1, "a node must deliver once a slot"
+        )
+
+    part.urgency = watch.over(part.urgency, look_at_urgency)
+
+    def listen(call: Call, access: Any, storage: Any) -> Any:
+        def heard(call: Call) -> Any:
+            return part(call, access, storage)
+
+        return watch.over(heard, look)(call)
+
+    world.hearing = _Watched(part, listen)
+
+
 def _look_at_split(watch: _Watch, _: Any) -> None:
     """Look at a duplex part, and at a rule for β, which splits the slot for it."""
     world, duplex, xp = watch.world, watch.world.duplex, watch.world.backend.xp
@@ -306,6 +361,7 @@ def _look_at_entry(watch: _Watch, path: tuple[str | int, ...]) -> None:
 _LOOKS: dict[str, Callable[[_Watch, Any], None]] = {
     "reward": _look_at_reward,
     "access": _look_at_access,
+    "hearing": _look_at_hearing,
     "duplex": _look_at_split,
     "beta rule": _look_at_split,
     "storage": _look_at_storage,

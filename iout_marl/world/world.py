@@ -16,6 +16,7 @@ from iout_marl.core.credit import Credit
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import MOST_ENVS, check_scenario
 from iout_marl.core.link import Link
+from iout_marl.core.reasons import Reason
 from iout_marl.core.sampling import Sampling
 from iout_marl.core.split import Split
 from iout_marl.core.state import Events, State
@@ -26,6 +27,7 @@ from iout_marl.parts import (
     Access,
     Context,
     Duplex,
+    Hearing,
     Representation,
     Request,
     Reward,
@@ -42,8 +44,9 @@ from iout_marl.world.addressed import Addressed
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
-from iout_marl.world.outcomes import Outcomes, outcomes
+from iout_marl.world.outcomes import Outcomes, outcomes, polled_outcomes
 from iout_marl.world.placement import node_codes, start_cells
+from iout_marl.world.polled import Polled
 from iout_marl.world.watch import check_first_slot
 
 #: Changes whenever the same scenario, seed and actions would lead elsewhere, rounding apart.
@@ -115,7 +118,11 @@ class World:
         self.motion = Mover(scenario, self.grid, backend)
         self.may_be_idle = scenario.may_be_idle
         self.nodes = NodeAxis(
-            num_envs, self.num_auvs, self.num_nodes, backend, may_be_idle=self.may_be_idle
+            num_envs,
+            self.num_auvs,
+            self.num_nodes,
+            backend,
+            names_nobody=self.may_be_idle or scenario.hearing.part.polls,
         )
         self.sampling = Sampling(scenario, self.link, backend)
         self.view = View(scenario, self.link, self.nodes, backend)
@@ -138,6 +145,7 @@ class World:
         self.vehicle: Vehicle = at_work(scenario.vehicle, context)
         self.duplex: Duplex = at_work(scenario.duplex, context)
         self.access: Access = at_work(scenario.channel.access, context)
+        self.hearing: Hearing = at_work(scenario.hearing, context)
         self.reward_part: Reward = at_work(scenario.reward, context)
         self.observer = Observer(scenario, context)
         self.action_mask = ActionMask(scenario, context, self.motion, self.storage, self.vehicle)
@@ -156,6 +164,13 @@ class World:
         self._check_action = ActionCheck(num_envs, self.num_auvs, self.action_sizes)
         # Of every node: NumPy compares two arrays faster than an array and a number.
         nowhere = backend.zeros((num_envs, self.num_nodes))
+        rounds = (num_envs, self.num_auvs, self.hearing.rounds(self.num_nodes))
+        #: Fields of events where nobody polls.
+        self._none_polled = {
+            "polled": backend.integers(np.zeros(rounds)),
+            "polled_delivered": backend.zeros(rounds) > 0,
+            "polled_j": backend.zeros(rounds),
+        }
         self._maximum_age = nowhere + float(scenario.age.maximum)
         self._check_parts(library, dtype, device)
 
@@ -206,6 +221,7 @@ class World:
             **self.credit.first(self.num_envs),
             **self.vehicle.first(self.num_envs),
             unasked=backend.zeros((self.num_envs, int(self.may_be_idle))),
+            polled=backend.zeros((self.num_envs, int(self.hearing.polls))),
             **self.motion.first(self.num_envs),
             sums=backend.zeros((self.num_envs, len(self.summed))),
         )
@@ -227,8 +243,8 @@ class World:
                 or direction, node (TDD), each below its `action_sizes`. With
                 `auvs.idle_choices` node K is nobody. An AUV that charges nobody makes no sound
                 for it, and in TDD its β is 0. One that hears nobody gets no packet, no node spends
-                anything for it, and it takes no part of the band. So it is with an AUV whose
-                battery is empty, whatever it names; its direction is ignored, too.
+                anything for it, it takes no part of the band, and it polls nobody. So it is with an
+                AUV whose battery is empty, whatever it names; its direction is ignored, too.
 
         Returns:
             the state after the slot, and what happened in it.
@@ -274,20 +290,32 @@ class World:
         heard_available_j = nodes.gather(available_j, heard_index)
         sends = self.sends(split, heard_index, hears, come_j, heard_available_j)
         request = Request(cell, heard, heard_cell, sends, heard_available_j, heard_offset)
-        delivered, spent_j = self.access(request, split)
+        polled = None
+        if self.hearing.polls:
+            polled = Polled.from_slot(self, state, request, split, hears, available_j)
+            delivered, spent_j = polled.heard.chosen
+        else:
+            delivered, spent_j = self.access(request, split)
         # At the root of the energy balance rounding may ask for more than there is.
         taken_j = xp.minimum(spent_j, heard_available_j)
         left_j = nodes.scatter_add(available_j, heard_index, -taken_j)
+        if polled is not None:
+            left_j = left_j - polled.spent_j
         stores = self.storage.after(state, come_j, available_j, left_j)
 
         # A node delivers to one AUV at most.
         packets = cast(xp, delivered, state.age.dtype)
         age_reset = -packets * nodes.gather(state.age, heard_index)
         if self.sampling.is_continuous:
-            age_reset = age_reset + packets * self.sampling.reset_to(split, heard_offset)
-        age, uncut = advance(
-            xp, nodes.scatter_add(state.age, heard_index, age_reset), self._maximum_age
-        )
+            if polled is None:
+                reset_to = self.sampling.reset_to(split, heard_offset)
+            else:
+                reset_to = self.sampling.reset_to_s(polled.heard.age_s[..., 0])
+            age_reset = age_reset + packets * reset_to
+        age = nodes.scatter_add(state.age, heard_index, age_reset)
+        if polled is not None:
+            age = xp.where(polled.delivers, polled.reset_to, age)
+        age, uncut = advance(xp, age, self._maximum_age)
         # Whole numbers, whose sums are exact, but for packets that are younger than a slot.
         total_age = nodes.sum(age)
         mean_age = counted_age = total_age / nodes.num_nodes
@@ -297,6 +325,11 @@ class World:
         else:
             capped_ages = nodes.sum(uncut) - total_age
         deliveries = nodes.scatter_add(state.deliveries, heard_index, packets)
+        spent_by_all_j = _over_auvs(xp, spent_j)
+        if polled is not None:
+            deliveries = deliveries + cast(xp, polled.delivers, deliveries.dtype)
+            spent_by_all_j = spent_by_all_j + nodes.sum(polled.spent_j)
+        to_auvs = None if polled is None else polled.to_auvs
 
         new_state = State(
             slot=state.slot + self._one_slot,
@@ -310,15 +343,18 @@ class World:
             peak_age=xp.maximum(state.peak_age, nodes.max(self.sampling.highest(state.age, age))),
             capped_ages=state.capped_ages + capped_ages,
             harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
-            spent_j=state.spent_j + _over_auvs(xp, spent_j),
+            spent_j=state.spent_j + spent_by_all_j,
             unasked=state.unasked if hears is None else state.unasked + self._number_unasked(hears),
+            polled=state.polled if polled is None else state.polled + polled.packets,
             transit_slots=moved.transit_slots,
             course=moved.course,
             sums=state.sums,
             **stores,
             **vehicle,
-            **self.view.after(state, cell, age, stores["energy_j"], heard_index, delivered),
-            **self.credit.after(state, age, heard_index, delivered),
+            **self.view.after(
+                state, cell, age, stores["energy_j"], heard_index, delivered, to_auvs
+            ),
+            **self.credit.after(state, age, heard_index, delivered, to_auvs),
         )
         events = Events(
             left_grid=moved.left_grid,
@@ -332,6 +368,7 @@ class World:
             spent_j=spent_j,
             drawn_j=drawn_j,
             stranded=stranded,
+            **(self._none_polled if polled is None else polled.events),
         )
         if self.summed:
             more = [metric.values(self, new_state, events)[:, None] for metric in self.summed]
@@ -402,6 +439,12 @@ class World:
     def outcomes(self, before: State, events: Events, after: State) -> Outcomes:
         """Why uplinks of a slot have failed, of a world on NumPy: see `world.outcomes`."""
         return outcomes(self, before, events, after)
+
+    def polled_outcomes(
+        self, before: State, events: Events, after: State
+    ) -> list[list[list[Reason | None]]]:
+        """The same of nodes polled beside: see `world.outcomes.polled_outcomes`."""
+        return polled_outcomes(self, before, events, after)
 
     def checked_step(self, state: State, action: Any) -> tuple[State, Events]:
         """`step`, after a look at what it is given.

@@ -55,6 +55,7 @@ SETTINGS = {
         }
     ],
     ("harvester", "aperture"): [{**APERTURE, "threshold_w": 1e-3}],
+    ("hearing", "polling"): [{"max_nodes_per_slot": 1}, {"max_nodes_per_slot": 3}],
     ("uplink", "shannon"): [{"packet_bits": 30000, "bandwidth_hz": 3000}],
     ("uplink", "modem"): [MODEM, {**MODEM, "power_control": False}],
 }
@@ -69,6 +70,11 @@ OVERRIDES = {
     ("observation entry", "unseen_for"): {"observation.view_range_m": 150},
     ("harvester", "hydrophone"): SEA,
     ("harvester", "aperture"): SEA,
+    ("hearing", "polling"): {
+        **SEA,
+        "harvester": {"kind": "aperture", **APERTURE},
+        "uplink": {"kind": "modem", **MODEM},
+    },
     ("uplink", "modem"): {**SEA, "harvester": {"kind": "aperture", **APERTURE}},
     ("beta rule", "airtime"): {
         **SEA,

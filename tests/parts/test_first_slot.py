@@ -42,6 +42,7 @@ KEYS = {
     "channel": "channel",
     "duplex": "duplex",
     "harvester": "harvester",
+    "hearing": "hearing",
     "motion": "auvs.motion",
     "observation entry": "observation.entries",
     "placement": "nodes",

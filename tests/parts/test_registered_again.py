@@ -47,7 +47,7 @@ SETTINGS = {
     ("placement", "random"): {"count": 4},
     ("duplex", "tdd"): {"beta_rule": "stored"},
     ("optimizer", "torch"): {"name": "AdamW"},
-    **{key: of[0] for key, of in CONTRACTS.items() if key[0] in ("harvester", "uplink")},
+    **{key: of[0] for key, of in CONTRACTS.items() if key[0] in ("harvester", "hearing", "uplink")},
     ("vehicle", "battery"): CONTRACTS["vehicle", "battery"][0],
     ("storage", "capacitor"): {"capacity_j": 400.0, "leakage_w": 0.2, "idle_w": 0.5},
 }
@@ -58,6 +58,7 @@ KEYS = {
     "channel": "channel",
     "duplex": "duplex",
     "harvester": "harvester",
+    "hearing": "hearing",
     "motion": "auvs.motion",
     "network": "training.network",
     "observation": "observation",
@@ -220,7 +221,7 @@ def test_bounds(pairs):
         found, expected = (bounds.bound(scenario, seconds=0) for scenario in (second, first))
         assert found.scheduling == expected.scheduling
         assert found.validity.removesuffix(f"; {found.stated_by}") == expected.validity
-        relies = pairs.role == "access" or (
+        relies = pairs.role in ("access", "hearing") or (
             pairs.role in ("duplex", "beta rule", "motion", "placement", "storage", "vehicle")
             and is_covered(first)
         )

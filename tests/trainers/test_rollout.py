@@ -251,6 +251,7 @@ def test_state_is_a_snapshot(tiny):
     collect(collector, network, 13, use_mask=False)
     assert all(torch.equal(saved["state"][k], v) for k, v in before.items())
     # What a scenario has no use for is left out: here users' metrics, which alone are summed over
-    # slots, limits of stores and vehicles, nobody to name, and moves that take several slots.
-    unused = {"sums", "unasked", *STORE_FIELDS, *VEHICLE_FIELDS, *TRANSIT_FIELDS}
+    # slots, limits of stores and vehicles, nobody to name, nodes polled, and moves that take
+    # several slots.
+    unused = {"sums", "unasked", "polled", *STORE_FIELDS, *VEHICLE_FIELDS, *TRANSIT_FIELDS}
     assert set(before) == set(State._fields) - unused

@@ -35,7 +35,10 @@ VEHICLES = (
     *("distance_m", "stranded_slots"),
 )
 STORES = ("spilled_j", "leaked_j", "idle_j", "asleep_slots")
-EVENTS = ("left_grid", "blocked", "beta", "harvested_j", "delivered", "spent_j")
+EVENTS = (
+    *("left_grid", "blocked", "beta", "harvested_j", "delivered", "spent_j"),
+    *("polled", "polled_delivered", "polled_j"),
+)
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,8 @@ def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> C
     for what in ("stranded", "halted", "refused", "docked"):
         seen[f"vehicle {what}"] += len(getattr(vehicles, what))
     seen["collision"] += sum(e.spent_j > 0 and not e.delivered for e in oracle.events) > 1
+    if oracle.scenario.hearing.kind == "polling":
+        seen += kind_of_polling(oracle)
     for auv, event in enumerate(oracle.events):
         if event.delivered:
             alone = oracle.alone_j(auv, event.heard)
@@ -154,6 +159,21 @@ def kind_of_split(oracle: Oracle, auv: int) -> Counter[str]:
         return Counter(["only charging" if beta else "only transmitting"])
     seen = Counter(["both"])
     seen["least charging"] += beta == duplex.beta_min
+    return seen
+
+
+def kind_of_polling(oracle: Oracle) -> Counter[str]:
+    seen: Counter[str] = Counter()
+    for event in oracle.events:
+        polled = [node for node in event.polled if node != oracle.nobody]
+        seen["polled"] += len(polled)
+        seen["polled in the place of the chosen"] += bool(polled) and event.spent_j == 0
+        seen["polled after the chosen"] += bool(polled) and event.delivered
+        seen["polled and lost"] += len(polled) > sum(event.polled_delivered)
+        ages = [oracle.age[node] for node in polled]
+        seen["packets of different ages"] += len(set(ages)) > 1
+    seen["rivals"] += oracle.polls.rivals
+    seen["too late"] += oracle.polls.too_late
     return seen
 
 

@@ -124,6 +124,15 @@ MODEM_STORES = {
     "leakage_w": 2e-3,
     "idle_w": 6e-3,
 }
+#: Modems that leave time for several packets a slot, and others that hardly do.
+QUICK_MODEM = {**MODEM, "charging.power_w": 400}
+SLOW_MODEM = {
+    **MODEM,
+    "charging.power_w": 1500,
+    "uplink": {**MODEM["uplink"], "bit_rate_bps": 800.0, "electronics_w": 0.1},
+}
+POLL = {"kind": "polling"}
+POLLS = {"polled", "polled in the place of the chosen", "polled after the chosen"}
 #: No number as in the bundled scenarios, none equal to another one that it could be.
 OTHER_HARDWARE = {
     "grid.spacing_m": 130,
@@ -545,6 +554,76 @@ CASES = {
     ),
     "packet-start-modem-fdd": Case(
         "paper/k3-fdd", FDD | {"out of range"}, {"age.sampling": "packet_start", **MODEM}
+    ),
+    "polling-fdd": Case(
+        "paper/k5-fdd", POLLS, {**QUICK_MODEM, "hearing": {**POLL, "max_nodes_per_slot": 3}}
+    ),
+    "polling-tdd": Case(
+        "paper/k5-tdd",
+        POLLS - {"polled in the place of the chosen"},
+        {
+            **QUICK_MODEM,
+            "duplex": {"kind": "tdd", "beta_rule": "airtime", "beta_max": 0.7},
+            "hearing": {**POLL, "max_nodes_per_slot": 4},
+        },
+    ),
+    "polling-one-at-most": Case(
+        "paper/k5-fdd",
+        {"polled", "polled in the place of the chosen"},
+        {**QUICK_MODEM, "hearing": {**POLL, "max_nodes_per_slot": 1}},
+    ),
+    "polling-packet-start": Case(
+        "paper/k5-fdd",
+        POLLS | {"packets of different ages", "too late", "news from afar", "rivals"},
+        {
+            **SLOW_MODEM,
+            "age.sampling": "packet_start",
+            "observation.view_range_m": 20,
+            "hearing": {**POLL, "max_nodes_per_slot": 5},
+            **TWO_AUVS,
+        },
+    ),
+    "polling-three-auvs": Case(
+        "paper/k10-fdd",
+        POLLS | {"rivals", "helped by another", "overserved node"},
+        {
+            **QUICK_MODEM,
+            "reward.credit": "difference",
+            "hearing": {**POLL, "max_nodes_per_slot": 3},
+            **THREE_AUVS,
+        },
+    ),
+    "polling-exclusive": Case(
+        "paper/k5-fdd",
+        POLLS | IDLE_FDD | {"polled and lost"},
+        {
+            **QUICK_MODEM,
+            "channel.access": "exclusive",
+            "hearing": {**POLL, "max_nodes_per_slot": 3},
+            **TWO_AUVS,
+            **NOBODY,
+        },
+    ),
+    "polling-capacitors": Case(
+        "paper/k5-fdd",
+        {"polled", "polled in the place of the chosen", "rivals"} | STORES,
+        {
+            **QUICK_MODEM,
+            "storage": {**MODEM_STORES, "capacity_j": 30.0},
+            "hearing": {**POLL, "max_nodes_per_slot": 3},
+            **TWO_AUVS,
+        },
+    ),
+    "polling-capacitors-tdd": Case(
+        "paper/k5-tdd",
+        {"polled", "polled after the chosen"} | STORES,
+        {
+            **QUICK_MODEM,
+            "duplex": {"kind": "tdd", "beta_rule": "airtime", "beta_max": 0.7},
+            "storage": {**MODEM_STORES, "capacity_j": 30.0},
+            "hearing": {**POLL, "max_nodes_per_slot": 4},
+            **TWO_AUVS,
+        },
     ),
     "other-hardware-fdd": Case(
         "paper/k3-fdd",

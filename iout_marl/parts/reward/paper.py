@@ -47,7 +47,7 @@ class Paper(Reward):
         only_charging_penalty: Term = 4.0
         #: TDD: β = 0.
         only_transmitting_penalty: Term = 0.0
-        #: Data taken from a node that was served more than T/K times.
+        #: Data taken from a node that was served more than T/K times; for each such node.
         occurrence_penalty: Term = 10.0
         #: Each node not served so far in the episode, in every slot.
         unserved_penalty: Term = 0.0
@@ -71,6 +71,9 @@ class Paper(Reward):
             if name.endswith("_penalty") and name not in VehicleSettings.hash_defaults
         }
         penalties["reward.unserved_penalty"] *= scenario.num_nodes
+        penalties["reward.occurrence_penalty"] *= min(
+            scenario.hearing.part.uplinks_per_slot, scenario.num_nodes
+        )
         weighted = mean_age * abs(settings.age_weight)
         key = "nodes.weights" if mean_age > abs(settings.age_weight) else "reward.age_weight"
         return {key: weighted} | penalties | settings.bounds_of_vehicles(scenario)
@@ -91,6 +94,7 @@ class Paper(Reward):
         self._location = backend.floats([0.0, -settings.location_penalty])
         self._separation = backend.floats([0.0, -settings.separation_penalty])
         self._occurrence = backend.floats([0.0, -settings.occurrence_penalty])
+        self._rounds = world.scenario.hearing.part.rounds(world.scenario.num_nodes)
         self._is_alone = world.scenario.num_auvs == 1
         self._may_be_idle = world.scenario.may_be_idle
         self._nobody = backend.integers(world.scenario.num_nodes)
@@ -112,6 +116,10 @@ class Paper(Reward):
             "information": self._information(state, events),
             "occurrence": pick(xp, self._occurrence, overserved),
         }
+        for i in range(self._rounds):
+            served = nodes.gather(state.deliveries, nodes.flat_index(events.polled[..., i]))
+            overserved = events.polled_delivered[..., i] & (served > self._ideal_deliveries)
+            terms["occurrence"] = terms["occurrence"] + pick(xp, self._occurrence, overserved)
         if not self._is_alone:
             terms["separation"] = pick(xp, self._separation, events.blocked)
         if settings.unserved_penalty:

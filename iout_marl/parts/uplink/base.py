@@ -37,6 +37,12 @@ class Uplink(Part):
         hertz: float = self.settings.bandwidth_hz
         return hertz
 
+    @property
+    def has_own_time(self) -> bool:
+        """Whether a packet takes a time of its own, so that a slot may have time for another."""
+        one_metre = np.ones(1)
+        return not self.fills_its_time and bool((self.least_time_s(one_metre, 1) > 0).all())
+
     def least_time_s(self, distance_m: ArrayLike, num_bands: int) -> Array:  # noqa: ARG002
         """The time that an uplink takes at least, in s, in the shape of the distances.
 

@@ -58,7 +58,7 @@ class Episode {
     this.deliveries = [new Array(this.numNodes).fill(0)];
     for (let slot = 0; slot < this.slots; slot++) {
       const counts = this.deliveries[slot].slice();
-      for (const link of this.links(slot)) if (link.arrived) counts[link.heard] += 1;
+      for (const packet of this.uplinks(slot)) if (packet.arrived) counts[packet.heard] += 1;
       this.deliveries.push(counts);
     }
   }
@@ -95,6 +95,26 @@ class Episode {
         stayed: this.stayed[at],
       };
     });
+  }
+
+  /** The nodes that an AUV polled beside the one that it chose, in the order of their packets. */
+  polls(slot, auv) {
+    const rounds = this.rounds ?? 0, first = (slot * this.auvs + auv) * rounds;
+    const places = Array.from({ length: rounds }, (_, i) => first + i);
+    return places.filter((at) => this.polled[at]).map((at) => ({
+      auv,
+      heard: this.polled[at] - 1,
+      arrived: this.polled_outcome[at] === 0,
+      reason: this.polled_outcome[at] ? this.reasons[this.polled_outcome[at] - 1] : null,
+      spent_j: this.polled_spent[at],
+    }));
+  }
+
+  /** Every node that was asked in a slot: of each AUV the chosen one first. */
+  uplinks(slot) {
+    return this.links(slot).flatMap((link) => [
+      ...(link.heard < 0 ? [] : [link]), ...this.polls(slot, link.auv),
+    ]);
   }
 
   /** How an AUV moved in a slot. */

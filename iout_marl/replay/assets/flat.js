@@ -156,7 +156,7 @@ class Flat {
     for (const link of links) {
       if (link.charged >= 0) add("charging", this.auvAt(time, link.auv), at(link.charged));
     }
-    for (const link of withUplinks ? links.filter(({ heard }) => heard >= 0) : []) {
+    for (const link of withUplinks ? this.episode.uplinks(slot) : []) {
       const from = at(link.heard), to = this.auvAt(time, link.auv);
       add(link.arrived ? "packet" : "loss", from, to);
       const way = [to[0] - from[0], to[1] - from[1]];

@@ -121,11 +121,8 @@ class Panel {
     const counts = new Map();
     let idle = 0;
     for (let slot = 0; slot < this.episode.slots; slot++) {
-      for (const link of this.episode.links(slot)) {
-        if (link.heard < 0) {
-          idle += 1;
-          continue;
-        }
+      for (const link of this.episode.links(slot)) if (link.heard < 0) idle += 1;
+      for (const link of this.episode.uplinks(slot)) {
         const key = link.reason ? link.reason[1] : "";
         counts.set(key, (counts.get(key) ?? 0) + 1);
       }
@@ -181,6 +178,11 @@ class Panel {
     outcome.append(
       link.arrived ? `packet arrived, age ${before} → ${after}${spent}` : `${link.reason[1]}${spent}`
     );
+    const polled = episode.polls(slot, link.auv).map((packet) => {
+      const cost = packet.spent_j > 0 ? `, ${energyText(packet.spent_j)} spent` : "";
+      return `node ${packet.heard + 1} ${packet.arrived ? "✓" : `✗ ${packet.reason[1]}`}${cost}`;
+    });
+    if (polled.length) outcome.append(make("div", { class: "polled" }, `Polled: ${polled.join("; ")}`));
     const badge = make("span", { class: "auv" }, auvName(link.auv));
     badge.style.background = episode.isStranded(slot, link.auv) ? LOOK.failed : auvColour(episode, link.auv);
     const moved = [episode.moveText(slot, link.auv), episode.batteryText(slot + 1, link.auv)];
@@ -224,6 +226,9 @@ function history(episode) {
         harvested += link.harvested_j;
         rows.push([slot, "charged", `charged by ${name}: +${energyText(link.harvested_j)}`]);
       }
+    }
+    for (const link of episode.uplinks(slot)) {
+      const name = auvName(link.auv);
       if (link.heard !== chosen) continue;
       spent += link.spent_j;
       packets += link.arrived ? 1 : 0;

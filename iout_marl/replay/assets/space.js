@@ -325,7 +325,10 @@ class Space {
         this.addRod(auv, end, 0.07, LOOK.energy, 0.42, (0.07 + 0.8 * radius * grown));
         this.addRod(auv, end, 0.025, LOOK.energy, 0.9);
       }
-      if (link.heard >= 0 && share > UPLINK_FROM) this.addUplink(link, auv, Math.min((share - UPLINK_FROM) / 0.3, 1));
+    }
+    if (share <= UPLINK_FROM) return;
+    for (const link of this.episode.uplinks(slot)) {
+      this.addUplink(link, this.auvAt(this.time, link.auv), Math.min((share - UPLINK_FROM) / 0.3, 1));
     }
   }
 
