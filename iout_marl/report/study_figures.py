@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import fields
+from typing import Any
 
 from iout_marl.evaluation import Estimate
 from iout_marl.metrics import TABLED, curve_title, described
@@ -191,7 +192,9 @@ def episode_of(record: Record) -> Trajectory | None:
     """The episode of a record, which was checked when it was read; None where it has none."""
     if record.episode is None:
         return None
-    kept = {field.name: record.episode.get(field.name) for field in fields(Trajectory)}
+    kept: dict[str, Any] = {
+        field.name: record.episode.get(field.name) for field in fields(Trajectory)
+    }
     return Trajectory(**kept)
 
 

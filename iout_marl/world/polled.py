@@ -73,7 +73,7 @@ class Polled:
         return cls(
             heard=heard,
             to_auvs=to_auvs,
-            delivers=xp.any(to_auvs, axis=1),
+            delivers=backend.with_envs_inside(xp.any(to_auvs, axis=1)),
             spent_j=spent_j,
             reset_to=reset_to,
             packets=xp.sum(xp.sum(sent, axis=2), axis=1, keepdims=True),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from polling import MODEM
 
 from iout_marl import InputError, evaluate, iout_v0, parts
 from iout_marl.parts.access import Uplinks
@@ -10,6 +11,8 @@ from iout_marl.parts.beta_rule.paper import PaperRule
 from iout_marl.parts.channel.levels import Levels
 from iout_marl.parts.duplex.tdd import TimeDivision
 from iout_marl.parts.placement.random import Random
+from iout_marl.parts.uplink.modem import Modem
+from iout_marl.testing import check_part
 from iout_marl.world import World, node_codes
 from trainers import Trainer
 
@@ -288,6 +291,92 @@ def test_deliveries_of_access_rules(scenario_with, message, call):
         World(scenario)
 
 
+class Polling(parts.Hearing):
+    """A part from outside that polls: the poorest node first."""
+
+    polls = True
+    uplinks_per_slot = 2
+
+    def urgency(self, call, offset):
+        return -call.available_j[:, None, :]
+
+
+def replaced(**fields):
+    """What a part says of a slot, with other fields."""
+
+    def call(part, heard):
+        return heard._replace(**{name: of(part, heard) for name, of in fields.items()})
+
+    return call
+
+
+POLLS = {
+    "must return a Heard, not": lambda part, heard: heard.chosen,
+    r"chosen.delivered must be of bool": replaced(
+        chosen=lambda part, heard: Uplinks(heard.chosen.spent_j, heard.chosen.spent_j)
+    ),
+    r"delivered must be of bool, \(envs, auvs, rounds\)": replaced(
+        delivered=lambda part, heard: heard.delivered[..., 0]
+    ),
+    "node must be of int64": replaced(node=lambda part, heard: heard.spent_j),
+    "node must be from 0 to K": replaced(node=lambda part, heard: heard.node + 5),
+    "nobody must not deliver": replaced(
+        delivered=lambda part, heard: (
+            heard.delivered | (heard.node == part.world.scenario.num_nodes)
+        )
+    ),
+    "spent_j must not be negative": replaced(spent_j=lambda part, heard: -1 - heard.spent_j),
+    "a node must deliver once a slot": replaced(
+        node=lambda part, heard: 0 * heard.node,
+        delivered=lambda part, heard: heard.node >= 0,
+        chosen=lambda part, heard: Uplinks(
+            heard.chosen.delivered & False, heard.chosen.spent_j * 0
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("message", POLLS)
+def test_hearing(scenario_with, message):
+    class Wrong(Polling):
+        def __call__(self, *args):
+            return POLLS[message](self, super().__call__(*args))
+
+    with pytest.raises(InputError, match=f"^hearing 'mine': {message}"):
+        World(scenario_with(parts.hearings, Wrong, overrides=MODEM))
+
+
+@pytest.mark.parametrize(
+    ("message", "urgency"),
+    [
+        ("urgency must be of float64", lambda part, call, offset: call.age),
+        ("urgency must be finite", lambda part, call, offset: call.age[:, None, :] / 0),
+        ("raises AttributeError", lambda part, call, offset: call.ages),
+    ],
+)
+def test_who_is_polled_first(scenario_with, message, urgency):
+    scenario = scenario_with(parts.hearings, Polling, overrides=MODEM, urgency=urgency)
+    with pytest.raises(InputError, match=f"^hearing 'mine': {message}"):
+        World(scenario)
+
+
+def test_a_hearing_part_from_outside_keeps_the_contracts(scenario_with):
+    scenario = scenario_with(parts.hearings, Polling, overrides=MODEM, nodes_are_alike=False)
+    assert scenario.hearing.part.uplinks_per_slot == 2
+    check_part(parts.hearings, "mine", seeds=(0,))
+
+
+def test_hearing_needs_a_rule_for_packets_that_overlap(scenario_with):
+    """Where an uplink from outside lets it pass."""
+    settings = {key: value for key, value in MODEM["uplink"].items() if key != "kind"}
+    members = {"check": lambda part, scenario: None}
+    hearing = {"kind": "polling", "max_nodes_per_slot": 2}
+    overrides = {**MODEM, **TEAM, "channel.access": "interference", "hearing": hearing}
+    overrides["uplink"] = {"kind": "mine", **settings}
+    with pytest.raises(InputError, match="'polling' takes an access rule under which uplinks do"):
+        scenario_with(parts.uplinks, Modem, overrides=overrides, **members)
+
+
 STORES = {
     "filled must be of float64": {"filled": lambda part, energy_j: energy_j > 1},
     "filled must not add energy": {"filled": lambda part, energy_j: energy_j + 1.0},
@@ -439,6 +528,19 @@ def test_splits(scenario_with, registry, message):
                 "least_time_s": lambda part, distance_m, bands: distance_m - 1,
                 "required_energy_j": lambda part, *args: 1.0,
             },
+        ),
+        ("polls must be True or False, not 1", parts.hearings, parts.Hearing, {"polls": 1}),
+        (
+            "uplinks_per_slot must be a whole number from 1, not 0",
+            parts.hearings,
+            Polling,
+            {"uplinks_per_slot": 0},
+        ),
+        (
+            "uplinks_per_slot must be 1 where polls is False, not 3",
+            parts.hearings,
+            parts.Hearing,
+            {"uplinks_per_slot": 3},
         ),
         ("packet_bits must be above 0", parts.uplinks, parts.Uplink, {"packet_bits": 0}),
         (
