@@ -18,6 +18,7 @@ def small_world(
     *,
     is_oblong=False,
     idle_choices=False,
+    polls=None,
 ):
     """A 3 × 3 × 1 grid with wide cells, oblong ones perhaps, on which energy binds."""
     cells = rng.permutation([(x, y, 1) for x in (1, 2, 3) for y in (1, 2, 3)])
@@ -44,6 +45,8 @@ def small_world(
         settings["grid.own_cell_distance"] = "mean"
     if rule in ("modem", "airtime"):
         settings |= at_sea(rng, spacing_m, slots)
+    if polls:
+        settings["hearing"] = {"kind": "polling", "max_nodes_per_slot": polls}
     return load_scenario(f"paper/k3-{duplex}", settings)
 
 

@@ -152,7 +152,9 @@ def test_ages_are_from_the_starts_of_packets_which_end_with_the_slot():
 def test_success_is_a_share_of_the_packets_asked_for(auvs):
     world = world_of(3, envs=4, **{"auvs.count": auvs, "channel.access": "exclusive"})
     asked = arrived = 0
-    for _, events, after in played(world, actions_of(world)):
+    slots = list(played(world, actions_of(world)))
+    after = slots[-1][2]
+    for _, events, _ in slots:
         asked = asked + auvs + (events.polled < world.num_nodes).sum(axis=(1, 2))
         arrived = arrived + events.delivered.sum(axis=1)
         arrived = arrived + events.polled_delivered.sum(axis=(1, 2))
