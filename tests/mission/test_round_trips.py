@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
+from polling import polling
 from pyproj import Proj
 from readers import READERS
 
@@ -21,6 +22,7 @@ from iout_marl.mission import (
     write_mission,
 )
 from iout_marl.mission.formats.geojson import cut_at_antimeridian
+from iout_marl.mission.tables import actions_csv
 
 START = datetime(2027, 5, 1, 8, tzinfo=UTC)
 ORIGINS = {
@@ -169,6 +171,24 @@ def test_actions_say_whom_and_when(name, policy, changes):
         assert parts[-1][1] == ends
         assert len(parts) == 1 or parts[0][1] == parts[1][0]
     assert any(a.kind == "hear" and a.delivered for a in mission.actions)
+
+
+@pytest.mark.parametrize("name", ["paper/k5-fdd", "paper/k5-tdd"])
+def test_actions_say_of_every_node_that_is_heard(name):
+    scenario = load_scenario(name, polling(3, name, **{"charging.power_w": 8000}))
+    recording = record_policy(scenario, "greedy", 0)
+    mission = Mission.from_recording(recording, scenario, START)
+    heard = [(a.slot - 1, a.node, a.delivered) for a in mission.actions if a.kind == "hear"]
+    expected = [
+        (slot, uplink.node, uplink.reason is None)
+        for slot in range(recording.slots)
+        for uplink in recording.uplinks(slot, 0)
+        if not (recording.splits_slot and recording.beta[slot, 0] == 1)
+    ]
+    assert heard == expected
+    assert len(heard) > recording.slots
+    rows = actions_csv(mission).splitlines()
+    assert sum(",hear," in row for row in rows) == len(heard)
 
 
 def test_directions_on_earth_by_hand():

@@ -2,19 +2,31 @@
 
 import copy
 import json
+from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pytest
 from batteries import BATTERY
+from polling import polling
 
 import iout_marl
-from iout_marl import InputError, Recording, Trajectory, World, iout_v0, record, record_policy
+from iout_marl import (
+    InputError,
+    Recording,
+    Trajectory,
+    World,
+    iout_v0,
+    load_scenario,
+    record,
+    record_policy,
+)
 from iout_marl.evaluation import play
 from iout_marl.policies import make_baseline
 from iout_marl.render import Snapshot, as_text
 from iout_marl.replay import Recorder
 from iout_marl.replay.page import render_page
+from iout_marl.scenario.loading import parse_scenario
 
 #: A charging slot, a sending slot, and several AUVs are among them.
 SCENARIOS = ("paper/k3-fdd", "best/k5-tdd", "multi/m3-k10-fdd")
@@ -48,6 +60,68 @@ def test_recording_holds_every_state_and_event(scenario):
         for name in ("beta", "harvested_j", "spent_j", "left_grid", "blocked"):
             assert np.array_equal(getattr(recording, name)[place - 1], getattr(events, name)[0])
     assert place == recording.slots == recording.num_slots
+
+
+@pytest.fixture(scope="module")
+def polled():
+    """An episode of two AUVs under exclusive access, who poll and now and then collide."""
+    changes = {"auvs.count": 2, "channel.access": "exclusive", "auvs.idle_choices": True}
+    scenario = load_scenario("paper/k5-fdd", polling(3, **{"charging.power_w": 8000, **changes}))
+    return record_policy(scenario, "random-walk", 3)
+
+
+def test_all_nodes_heard_in_a_slot_are_recorded(polled, tmp_path):
+    world = World(parse_scenario(Path("scenario.yaml"), polled.scenario_yaml.encode()))
+    slots = list(play(world, make_baseline("random-walk"), 3))
+    for slot, (state, events) in enumerate(slots[1:]):
+        there = events.polled[0] < world.num_nodes
+        assert np.array_equal(polled.polled[slot] > 0, there)
+        assert np.array_equal(polled.polled[slot][there], events.polled[0][there] + 1)
+        assert np.array_equal(polled.polled_delivered[slot], events.polled_delivered[0])
+        assert np.array_equal(polled.polled_j[slot], events.polled_j[0])
+        assert np.array_equal(polled.deliveries[slot + 1], state.deliveries[0])
+        ours = polled.snapshot(slot + 1)
+        assert ours.hearing() == Snapshot.from_world(world, state, events).hearing()
+        assert as_text(ours) == as_text(Snapshot.from_world(world, state, events))
+        for auv in range(world.num_auvs):
+            heard = [(n + 1, ok) for who, n, ok in ours.hearing() if who == auv]
+            said = [(u.node, u.reason is None) for u in polled.uplinks(slot, auv)]
+            assert said == heard
+    lost = polled.reasons[polled.polled_outcome.max() - 1]
+    assert lost.code == "collision"
+    assert polled.polled_delivered.sum() > 20
+    polled.save(tmp_path / "episode.json")
+    assert not same(polled, Recording.load(tmp_path / "episode.json"))
+
+
+def test_what_is_drawn_and_kept_of_an_episode_has_all_nodes_heard(polled):
+    drawn = Trajectory.from_recording(polled)
+    assert Trajectory(**json.loads(json.dumps(drawn.to_json()))) == drawn
+    packets = sum(map(sum, drawn.delivered)) + sum(arrived for *_, arrived in drawn.polls())
+    assert packets == polled.deliveries[-1].sum()
+    assert len(list(drawn.polls())) == np.count_nonzero(polled.polled)
+    plain = Trajectory.from_recording(record_policy("paper/k3-fdd", "random-walk", 3))
+    assert "polled" not in plain.to_json()
+
+
+def test_recordings_of_before_have_nobody_polled(data):
+    assert not {"polled", "polled_outcome", "polled_j"} & data.keys()
+    assert Recording.from_json(data).polled.shape == (100, 2, 0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"polled_j": None}, "polled_j is missing, but polled is there"),
+        ({"polled": [[[]]]}, "polled must hold a list that is not empty"),
+        ({"polled": 3}, "polled must hold a list"),
+        ({"polled_outcome": [[[0]]]}, r"polled_outcome must be 50 × 2 × 3 \(slots, auvs, rounds"),
+    ],
+)
+def test_damaged_polls_are_said_in_one_line(polled, changes, message):
+    damaged = {k: v for k, v in {**polled.to_json(), **changes}.items() if v is not None}
+    with pytest.raises(InputError, match=message):
+        Recording.from_json(damaged)
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PIL import Image
+from polling import polling
 from watched import DESKTOP, Watched
 
 from iout_marl import record_policy
@@ -341,6 +342,31 @@ def test_maps_stand_in_where_there_is_no_webgl(browser, recordings, tmp_path):
     watched.page.keyboard.press("End")
     assert place(watched.page) == SLOTS
     assert watched.page.locator(".flat svg").first.is_visible()
+    assert watched.complaints == []
+    watched.context.close()
+
+
+def test_nodes_that_are_polled_are_told_and_counted(browser, tmp_path):
+    changes = {"auvs.count": 2, "charging.power_w": 8000, "channel.access": "exclusive"}
+    overrides = polling(3, **changes, **{"auvs.idle_choices": True, "episode.duration_s": 800})
+    recording = record_policy("paper/k5-fdd", "random-walk", 3, overrides=overrides)
+    path = tmp_path / "page.html"
+    path.write_text(render_page([recording]), encoding="utf-8")
+    watched = Watched(browser, path.as_uri(), color_scheme="light")
+    page = watched.page
+    told = 0
+    for slot in range(recording.slots):
+        page.keyboard.press("ArrowRight")
+        for auv, text in enumerate(rows(page, recording.policy)):
+            nodes = [node for node in recording.polled[slot, auv] if node]
+            _, _, polled = text.partition("Polled: ")
+            assert bool(polled) == bool(nodes)
+            assert [int(n) for n in re.findall(r"node (\d+) [✓✗]", polled)] == nodes
+            told += len(nodes)
+    assert told > 5
+    arrived = int(recording.deliveries[-1].sum())
+    asked = recording.asked.sum() + np.count_nonzero(recording.polled)
+    assert f"{arrived} of {asked} uplinks arrived" in page.locator(".tally").inner_text()
     assert watched.complaints == []
     watched.context.close()
 
