@@ -187,6 +187,9 @@ def _without_tags(location: tuple[str | int, ...], data: Any) -> KeyPath:
     for key in location:
         if isinstance(data, dict) and key not in data and data.get("kind") == key:
             continue
+        # A part named by its kind alone.
+        if isinstance(data, str) and data == key:
+            continue
         if isinstance(key, str) and key.startswith("("):
             continue
         path.append(key)

@@ -41,6 +41,7 @@ WHOLE = [
                 "electronics_w": 1.0,
                 "maximum_source_level_db": 185.0,
             },
+            "hearing": {"kind": "polling", "max_nodes_per_slot": 3},
         },
     ),
 ]

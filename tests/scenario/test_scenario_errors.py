@@ -242,6 +242,15 @@ LINES = {
     "observation: {kind: paper, entries: [battery]}": (
         "observation.entries: battery: there is none with vehicle 'unlimited'"
     ),
+    "hearing: polling": "hearing.max_nodes_per_slot: is missing",
+    "hearing: {kind: polling, max_nodes_per_slot: 0}": (
+        "hearing.max_nodes_per_slot: must be greater than or equal to 1, not 0"
+    ),
+    "hearing: {kind: polling, max_nodes_per_slot: 2}": (
+        "hearing.kind: 'polling' needs packets that take a time of their own"
+    ),
+    "hearing: {kind: several}": "hearing.kind: unknown kind 'several'; known: one, polling",
+    "storage: capacitor": "storage.capacity_j: is missing",
     "storage: {kind: capacitor}": "storage.capacity_j: is missing",
     "storage: {kind: battery, capacity_j: 5}": (
         "storage.kind: unknown kind 'battery'; known: capacitor, unlimited; "

@@ -39,6 +39,7 @@ SCENARIOS = {
                 "maximum_source_level_db": 185.0,
             },
             "duplex.beta_rule": "airtime",
+            "hearing": {"kind": "polling", "max_nodes_per_slot": 2},
         },
     ),
 }
@@ -62,6 +63,8 @@ LEFT_OUT = {
     "uplink.kind",
     "storage.kind",
     "vehicle.kind",
+    "hearing",
+    "hearing.kind",
 }
 #: Of some scenarios: keys that no other value goes with.
 DETERMINED = {
@@ -118,6 +121,15 @@ def test_changes_with_every_value(name, key, value):
     assert all(c.hash != scenario.hash for c in changed)
     is_of_the_world = not key.startswith(("reward.", "training."))
     assert all((c.world_hash != scenario.world_hash) == is_of_the_world for c in changed)
+
+
+def test_changes_with_the_kind_of_hearing():
+    polling = SCENARIOS["modem"]
+    one = load_scenario(polling, {"hearing": "one"})
+    assert one.hash != polling.hash
+    assert one.world_hash != polling.world_hash
+    assert load_scenario("paper/k3-fdd", {"hearing": "one"}).hash == SCENARIOS["fdd"].hash
+    assert "hearing: one" in to_yaml(one)
 
 
 def test_changes_with_the_kind_of_vehicle():
@@ -277,6 +289,7 @@ def test_scenario_of_a_run_folder_of_an_earlier_version(name, hash_then, world_h
         "  area_m2: null",
         "storage:\n  kind: unlimited",
         "vehicle:\n  kind: unlimited",
+        "hearing: one",
         "  vehicle_energy_penalty_per_kj: 0.0",
         "  stranded_penalty: 0.0",
     ):

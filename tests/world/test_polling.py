@@ -299,7 +299,7 @@ def test_ordinary_worlds_have_nothing_of_it():
             r"hearing\.max_nodes_per_slot: .*greater than or equal to 1|from 1",
             polling(0),
         ),
-        (r"max_nodes_per_slot: is missing", {**MODEM, "hearing": "polling"}),
+        ("hearing.max_nodes_per_slot: is missing", {**MODEM, "hearing": "polling"}),
     ],
 )
 def test_what_cannot_work_is_said_in_one_line(message, changes):
