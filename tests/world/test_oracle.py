@@ -604,6 +604,16 @@ CASES = {
             **NOBODY,
         },
     ),
+    "polling-on-battery": Case(
+        "paper/k5-fdd",
+        {"polled", "polled in the place of the chosen", "vehicle stranded"},
+        {
+            **QUICK_MODEM,
+            "hearing": {**POLL, "max_nodes_per_slot": 3},
+            "vehicle": {**BATTERY, "capacity_j": 4e5},
+            **TWO_AUVS,
+        },
+    ),
     "polling-capacitors": Case(
         "paper/k5-fdd",
         {"polled", "polled in the place of the chosen", "rivals"} | STORES,
