@@ -7,8 +7,10 @@ from polling import MODEM, polling
 
 from iout_marl import InputError, Trainer, World, evaluate, iout_v0, load_scenario
 from iout_marl.breakdown import Tally
+from iout_marl.envs import AUVEnv, AUVVectorEnv
 from iout_marl.evaluation import play
 from iout_marl.policies import make_baseline
+from iout_marl.testing import check_parallel_env, check_vector_env
 from iout_marl.tracing.unrolled import unrolled_slot
 
 WORLDS = ("paper/k5-fdd", "paper/k5-tdd")
@@ -312,3 +314,25 @@ def test_a_single_auv_may_poll_under_interference():
     world = world_of(3, **ROW, **STAYS, **RICH, **{"channel.access": "interference"})
     after, _ = world.step(world.reset(), np.array([[[6, 0, 4]]]))
     assert after.deliveries.sum() == 3
+
+
+@every_world
+def test_environments_keep_their_contracts(name):
+    changes = {"auvs.count": 2, "episode.duration_s": 1000, "charging.power_w": 4000}
+    scenario = load_scenario(name, polling(3, name, **changes))
+    check_parallel_env(lambda: iout_v0.parallel_env(scenario))
+    check_vector_env(lambda: AUVVectorEnv(scenario, 3), lambda: AUVEnv(scenario), seeds=(7,))
+
+
+@pytest.mark.slow
+@every_world
+def test_the_slot_is_one_graph(name):
+    changes = {"auvs.count": 2, "age.sampling": "packet_start", "charging.power_w": 4000}
+    world = world_of(2, name, 3, torch, **changes)
+    torch.compiler.reset()
+    slot = torch.compile(world.slot, fullgraph=True, backend="eager")
+    expected = state = world.reset(seed=0)
+    for action in actions_of(world, slots=10):
+        state, *_ = slot(state, world.backend.integers(action))
+        expected, *_ = world.slot(expected, world.backend.integers(action))
+    assert all(map(torch.equal, state, expected))
