@@ -30,7 +30,7 @@ def starter(scenario: Scenario, extends: str) -> str:
         scenario: what it extends.
         extends: how the file names it.
     """
-    data = scenario.model_dump(mode="json")
+    data = _whole(scenario)
     lines = [
         *_remark(
             f"A scenario. Every value is as in {extends}: change what you like, and delete what is "
@@ -42,6 +42,13 @@ def starter(scenario: Scenario, extends: str) -> str:
         if key.name not in _LEFT_OUT:
             lines += ["", *_section(scenario, key, data)]
     return "\n".join(lines)
+
+
+def _whole(scenario: Scenario) -> dict[str, Any]:
+    """A scenario as data, with a mapping for each section that is a part, whatever it has."""
+    data = scenario.model_dump(mode="json")
+    parts = [key.name for key in keys(Scenario) if key.part and isinstance(data[key.name], str)]
+    return data | {name: {"kind": data[name]} for name in parts}
 
 
 def _section(scenario: Scenario, key: Key, data: Mapping[str, Any]) -> Iterator[str]:
@@ -85,7 +92,7 @@ def _other_kind(
     kept = {name: value for name, value in found.items() if value is not None}
     change = {section: {"kind": entry.kind, **kept}}
     try:
-        whole = load_scenario(scenario, change).model_dump(mode="json")[section]
+        whole = _whole(load_scenario(scenario, change))[section]
         change[section] = {"kind": entry.kind, **whole}
     except InputError:  # it has a key without a default, or needs another key elsewhere
         pass
