@@ -93,14 +93,14 @@ def _asked(
     world: World, before: State, events: Events, after: State
 ) -> tuple[Addressed, Split, Request]:
     """The nodes named in a slot, its split, and the request for those heard."""
-    named = world.addressed(before.node_cell, after.cell, events.charged, events.heard)
+    named = world.transition.addressed(before.node_cell, after.cell, events.charged, events.heard)
     stored_j = world.nodes.gather(before.energy_j, named.heard_index)
     available_j = world.nodes.gather(events.available_j, named.heard_index)
     split = world.duplex.split(named.charged_offset, named.heard_offset, stored_j)
     if named.charges is not None:
-        split = world.without_idle(split, named.charges)
+        split = world.transition.without_idle(split, named.charges)
     come_j = world.nodes.scatter_add(before.energy_j, named.charged_index, events.harvested_j)
-    sends = world.sends(split, named.heard_index, named.hears, come_j, available_j)
+    sends = world.transition.sends(split, named.heard_index, named.hears, come_j, available_j)
     request = Request(
         after.cell, events.heard, named.heard_cell, sends, available_j, named.heard_offset
     )

@@ -11,14 +11,12 @@ import numpy.typing as npt
 
 from iout_marl.arrays.backend import Backend
 from iout_marl.arrays.nodes import NodeAxis
-from iout_marl.core.age import advance, jain_index
 from iout_marl.core.credit import Credit
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import MOST_ENVS, check_scenario
 from iout_marl.core.link import Link
 from iout_marl.core.reasons import Reason
 from iout_marl.core.sampling import Sampling
-from iout_marl.core.split import Split
 from iout_marl.core.state import Events, State
 from iout_marl.core.view import View
 from iout_marl.errors import InputError
@@ -29,24 +27,22 @@ from iout_marl.parts import (
     Duplex,
     Hearing,
     Representation,
-    Request,
     Reward,
     Storage,
     Vehicle,
     at_work,
 )
-from iout_marl.physics.arrays import Array, cast
+from iout_marl.physics.arrays import Array
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario
 from iout_marl.scenario.parts import outside_parts
 from iout_marl.whole import MAX_SEED, whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
-from iout_marl.world.addressed import Addressed
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
 from iout_marl.world.outcomes import Outcomes, outcomes, polled_outcomes
 from iout_marl.world.placement import node_codes, start_cells
-from iout_marl.world.polled import Polled
+from iout_marl.world.transition import Transition
 from iout_marl.world.watch import check_first_slot
 
 #: Changes whenever the same scenario, seed and actions would lead elsewhere, rounding apart.
@@ -156,22 +152,10 @@ class World:
         start = self.grid.encode(start_cells(scenario, self.grid))
         # Brought to the device here: later an accelerator would have to stop for them.
         self._start = backend.integers(np.tile(start, (num_envs, 1)))
-        self._one_slot = backend.integers(1)
         self._one = backend.floats(1.0)
-        self._nothing = backend.floats(0.0)
-        self._nobody = backend.integers(self.num_nodes)
         self._check_layout = LayoutCheck((num_envs, self.num_nodes), self.grid)
         self._check_action = ActionCheck(num_envs, self.num_auvs, self.action_sizes)
-        # Of every node: NumPy compares two arrays faster than an array and a number.
-        nowhere = backend.zeros((num_envs, self.num_nodes))
-        rounds = (num_envs, self.num_auvs, self.hearing.rounds(self.num_nodes))
-        #: Fields of events where nobody polls.
-        self._none_polled = {
-            "polled": backend.integers(np.zeros(rounds)),
-            "polled_delivered": backend.zeros(rounds) > 0,
-            "polled_j": backend.zeros(rounds),
-        }
-        self._maximum_age = nowhere + float(scenario.age.maximum)
+        self.transition = Transition(self)
         self._check_parts(library, dtype, device)
 
     def _check_parts(self, library: Any, dtype: str, device: Any) -> None:
@@ -249,192 +233,7 @@ class World:
         Returns:
             the state after the slot, and what happened in it.
         """
-        xp, link, nodes = self.backend.xp, self.link, self.nodes
-        charged, heard = action[..., 1], action[..., -1]
-
-        stays, stranded = None, self.vehicle.none_stranded
-        if self.vehicle.is_limited:
-            stranded = self.vehicle.is_stranded(state.battery_j)
-            stays = self.vehicle.stays(state, self.motion.targets(state, action[..., 0]))
-            charged, heard = (xp.where(stranded, self._nobody, each) for each in (charged, heard))
-        moved = self.motion.move(state, action[..., 0], stays)
-        heading = cell = moved.cell
-
-        (
-            heard_index,
-            heard_cell,
-            heard_offset,
-            charged_index,
-            charged_offset,
-            charges,
-            hears,
-        ) = self.addressed(state.node_cell, cell, charged, heard)
-        stored_j = nodes.gather(state.energy_j, heard_index)
-        split = self.duplex.split(charged_offset, heard_offset, stored_j)
-        if charges is not None:
-            split = self.without_idle(split, charges)
-        if self.vehicle.is_limited:
-            heading = self.motion.heading(moved)
-            can_charge = self.vehicle.can_charge(state, heading, split.charging_s)
-            charged = xp.where(can_charge, charged, self._nobody)
-            if self.duplex.num_choices == 1:
-                # Charging and hearing are one act.
-                heard, hears = charged, hears & can_charge
-            split = self.without_idle(split, can_charge)
-        vehicle, drawn_j = self.vehicle.after(state, cell, heading, stranded, split.charging_s)
-        # Eq. `E harvested`; a node charged by two AUVs gets both.
-        harvested_j = link.at(link.harvested_w, charged_offset) * split.charging_s
-        come_j = nodes.scatter_add(state.energy_j, charged_index, harvested_j)
-        available_j = self.storage.filled(come_j)
-
-        heard_available_j = nodes.gather(available_j, heard_index)
-        sends = self.sends(split, heard_index, hears, come_j, heard_available_j)
-        request = Request(cell, heard, heard_cell, sends, heard_available_j, heard_offset)
-        polled = None
-        if self.hearing.polls:
-            polled = Polled.from_slot(self, state, request, split, hears, available_j)
-            delivered, spent_j = polled.heard.chosen
-        else:
-            delivered, spent_j = self.access(request, split)
-        # At the root of the energy balance rounding may ask for more than there is.
-        taken_j = xp.minimum(spent_j, heard_available_j)
-        left_j = nodes.scatter_add(available_j, heard_index, -taken_j)
-        if polled is not None:
-            left_j = left_j - polled.spent_j
-        stores = self.storage.after(state, come_j, available_j, left_j)
-
-        # A node delivers to one AUV at most.
-        packets = cast(xp, delivered, state.age.dtype)
-        age_reset = -packets * nodes.gather(state.age, heard_index)
-        if self.sampling.is_continuous:
-            if polled is None:
-                reset_to = self.sampling.reset_to(split, heard_offset)
-            else:
-                reset_to = self.sampling.reset_to_s(polled.heard.age_s[..., 0])
-            age_reset = age_reset + packets * reset_to
-        age = nodes.scatter_add(state.age, heard_index, age_reset)
-        if polled is not None:
-            age = xp.where(polled.delivers, polled.reset_to, age)
-        age, uncut = advance(xp, age, self._maximum_age)
-        # Whole numbers, whose sums are exact, but for packets that are younger than a slot.
-        total_age = nodes.sum(age)
-        mean_age = counted_age = total_age / nodes.num_nodes
-        if self.sampling.is_continuous:
-            capped_ages = nodes.sum(cast(xp, uncut > age, age.dtype))
-            counted_age = nodes.sum(self.sampling.counted(state.age, age)) / nodes.num_nodes
-        else:
-            capped_ages = nodes.sum(uncut) - total_age
-        deliveries = nodes.scatter_add(state.deliveries, heard_index, packets)
-        spent_by_all_j = _over_auvs(xp, spent_j)
-        if polled is not None:
-            deliveries = deliveries + cast(xp, polled.delivers, deliveries.dtype)
-            spent_by_all_j = spent_by_all_j + nodes.sum(polled.spent_j)
-        to_auvs = None if polled is None else polled.to_auvs
-
-        new_state = State(
-            slot=state.slot + self._one_slot,
-            cell=cell,
-            node_cell=state.node_cell,
-            age=age,
-            deliveries=deliveries,
-            mean_age=mean_age,
-            jain=jain_index(xp, nodes.sum(deliveries), nodes.sum(deliveries**2), nodes.num_nodes),
-            age_sum=state.age_sum + counted_age,
-            peak_age=xp.maximum(state.peak_age, nodes.max(self.sampling.highest(state.age, age))),
-            capped_ages=state.capped_ages + capped_ages,
-            harvested_j=state.harvested_j + _over_auvs(xp, harvested_j),
-            spent_j=state.spent_j + spent_by_all_j,
-            unasked=state.unasked if hears is None else state.unasked + self._number_unasked(hears),
-            polled=state.polled if polled is None else state.polled + polled.packets,
-            transit_slots=moved.transit_slots,
-            course=moved.course,
-            sums=state.sums,
-            **stores,
-            **vehicle,
-            **self.view.after(
-                state, cell, age, stores["energy_j"], heard_index, delivered, to_auvs
-            ),
-            **self.credit.after(state, age, heard_index, delivered, to_auvs),
-        )
-        events = Events(
-            left_grid=moved.left_grid,
-            blocked=moved.blocked,
-            charged=charged,
-            heard=heard,
-            beta=split.beta,
-            harvested_j=harvested_j,
-            available_j=available_j,
-            delivered=delivered,
-            spent_j=spent_j,
-            drawn_j=drawn_j,
-            stranded=stranded,
-            **(self._none_polled if polled is None else polled.events),
-        )
-        if self.summed:
-            more = [metric.values(self, new_state, events)[:, None] for metric in self.summed]
-            new_state = new_state._replace(sums=state.sums + xp.concat(more, axis=1))
-        return new_state, events
-
-    def addressed(self, node_cell: Array, cell: Array, charged: Array, heard: Array) -> Addressed:
-        """The nodes that AUVs name, and how they lie to them.
-
-        Args:
-            node_cell: (envs, nodes) codes of the nodes' cells.
-            cell: (envs, auvs) codes of the AUVs' cells, after their moves.
-            charged, heard: (envs, auvs) nodes, or K for nobody.
-        """
-        link, nodes = self.link, self.nodes
-        charges = hears = None
-        if self.may_be_idle:
-            charges, hears = charged < self._nobody, heard < self._nobody
-        heard_index = nodes.flat_index(heard)
-        heard_cell = nodes.gather(node_cell, heard_index)
-        heard_offset = link.offset(cell, heard_cell)
-        if self.duplex.num_choices == 1:
-            charged_index, charged_offset = heard_index, heard_offset
-        else:
-            charged_index = nodes.flat_index(charged)
-            charged_offset = link.offset(cell, nodes.gather(node_cell, charged_index))
-        return Addressed(
-            heard_index, heard_cell, heard_offset, charged_index, charged_offset, charges, hears
-        )
-
-    def without_idle(self, split: Split, charges: Array) -> Split:
-        """The split of slots in which only AUVs that charge somebody, (envs, auvs) bool, do so."""
-        xp, nothing = self.backend.xp, self._nothing
-        return split._replace(
-            beta=xp.where(charges, split.beta, nothing),
-            charging_s=xp.where(charges, split.charging_s, nothing),
-        )
-
-    def sends(
-        self,
-        split: Split,
-        heard_index: Array,
-        hears: Array | None,
-        come_j: Array,
-        heard_available_j: Array,
-    ) -> Array:
-        """Whether the nodes heard send, (envs, auvs) bool: as the duplex part says, if they can.
-
-        Args:
-            split: the slot's split.
-            heard_index, hears: which nodes are heard, see `Addressed`.
-            come_j: (envs, nodes) energy after charging, before a store spills any.
-            heard_available_j: (envs, auvs) energy of the nodes heard after that.
-        """
-        sends = self.duplex.sends(split, heard_available_j)
-        if hears is not None:
-            sends = sends & hears
-        if not self.storage.is_limited:
-            return sends
-        heard_come_j = self.nodes.gather(come_j, heard_index)
-        return self.storage.permits(sends, split.required_j, heard_come_j, heard_available_j)
-
-    def _number_unasked(self, hears: Array) -> Array:
-        """How many AUVs hear nobody, (envs, 1) floats."""
-        xp = self.backend.xp
-        return xp.sum(cast(xp, ~hears, self._one.dtype), axis=1, keepdims=True)
+        return self.transition(state, action)
 
     def outcomes(self, before: State, events: Events, after: State) -> Outcomes:
         """Why uplinks of a slot have failed, of a world on NumPy: see `world.outcomes`."""
@@ -550,8 +349,3 @@ class _Unchecked(World):
 
     def _check_parts(self, library: Any, dtype: str, device: Any) -> None:
         pass
-
-
-def _over_auvs(xp: Any, values: Array) -> Array:
-    """Sum over AUVs: (envs, auvs) to (envs,)."""
-    return values[:, 0] if values.shape[1] == 1 else xp.sum(values, axis=1)

@@ -95,7 +95,9 @@ def test_nodes_out_of_range_are_said_to_be(duplex):
     world, seen = World(scenario(duplex, **{"charging.power_w": 200}), 4), set()
     for before, events, after in slots(world):
         found = np.array(world.outcomes(before, events, after), dtype=object)[:, 0]
-        named = world.addressed(before.node_cell, after.cell, events.charged, events.heard)
+        named = world.transition.addressed(
+            before.node_cell, after.cell, events.charged, events.heard
+        )
         is_far = world.link.at(world.link.slot_uplink_j, named.heard_offset)[:, 0] >= DEAREST_J
         codes = np.array([reason and reason.code for reason in found])
         np.testing.assert_array_equal(codes == "out_of_range", is_far)
@@ -110,7 +112,9 @@ def test_beta_leaves_time_for_packet_call_and_answer():
     world = World(scenario("tdd", **changes), 4)
     found = set()
     for before, events, after in slots(world):
-        named = world.addressed(before.node_cell, after.cell, events.charged, events.heard)
+        named = world.transition.addressed(
+            before.node_cell, after.cell, events.charged, events.heard
+        )
         metres = world.link.at(world.link.distance_m, named.heard_offset)
         expected = np.minimum(1 - (0.4096 + 2 * metres / 1500) / 4, 0.89)
         np.testing.assert_allclose(events.beta, np.where(events.delivered, expected, 1))
