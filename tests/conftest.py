@@ -6,6 +6,7 @@ import signal
 import sys
 from pathlib import Path
 
+import forked
 import pytest
 import torch
 from browsers import browser  # noqa: F401 (a fixture)
@@ -15,6 +16,7 @@ from iout_marl import load_scenario, metrics, outside
 from iout_marl.cli import main
 from iout_marl.registry import registries
 from iout_marl.report.registry import report_named
+from iout_marl.study.pools import LocalProcesses
 
 ROOT = Path(__file__).parents[1]
 #: Before what is installed, in this process (see `pyproject.toml`) and in those that it starts.
@@ -67,6 +69,13 @@ def pytest_collection_modifyitems(items):
 def _one_thread():
     """Tests share the cores with one another, and sums keep their order."""
     torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _workers_import_nothing():
+    """Processes of studies that run here; those that `iout` starts itself begin anew."""
+    if os.name == "posix":
+        LocalProcesses.context = forked.context()
 
 
 @pytest.fixture(scope="session", autouse=True)

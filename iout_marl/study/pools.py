@@ -14,6 +14,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
+from multiprocessing.context import BaseContext
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
@@ -59,6 +60,8 @@ class LocalProcesses:
 
     #: What each process does; it goes there by its name.
     task = staticmethod(run_cell)
+    #: How processes start. A forked copy of torch's thread pools would hang.
+    context: BaseContext = multiprocessing.get_context("spawn")
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
@@ -96,8 +99,7 @@ class LocalProcesses:
         with _terminal_held_back():
             executor = ProcessPoolExecutor(
                 min(jobs, len(waiting)),
-                # A forked copy of torch's thread pools would hang.
-                mp_context=multiprocessing.get_context("spawn"),
+                mp_context=self.context,
                 initializer=_start_worker,
                 initargs=(folder,),
             )
