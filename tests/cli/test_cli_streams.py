@@ -8,7 +8,9 @@ import subprocess
 import sys
 import time
 
+import forked
 import pytest
+from forked import CLOSED, PATIENCE_S, PIPE
 
 from iout_marl import terminal
 
@@ -26,7 +28,10 @@ def _working_folder(tmp_path, monkeypatch):
 
 
 def shell(line, **environment):
-    """Run a line of a shell in which $IOUT is the command; its last status and what it says."""
+    """Run a line of a shell in which $IOUT is the command; its last status and what it says.
+
+    For what is about Python's own start or end; `iout` takes less time.
+    """
     line = line.replace("$IOUT", " ".join(IOUT))
     done = subprocess.run(
         ["bash", "-o", "pipefail", "-c", line],
@@ -37,12 +42,28 @@ def shell(line, **environment):
     return done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode()
 
 
+def iout(words, out=PIPE, err=PIPE, **environment):
+    """Run the command with its output and error led elsewhere; its status and what it says."""
+    streams, env = (PIPE, out, err), {**os.environ, **environment}
+    done = forked.run(*words, streams=streams, env=env)
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.fixture
+def unread():
+    """A pipe whose reader has gone."""
+    read, write = os.pipe()
+    os.close(read)
+    yield write
+    os.close(write)
+
+
 @pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
 @pytest.mark.parametrize(
     "words", [["scenarios"], ["show", "best/k3-tdd"], EVALUATE], ids=lambda words: words[0]
 )
 def test_any_encoding_will_do(words, encoding):
-    status, out, err = shell(f"$IOUT {' '.join(words)}", PYTHONIOENCODING=encoding)
+    status, out, err = iout(words, PYTHONIOENCODING=encoding)
     assert (status, err) == (0, "")
     assert out
 
@@ -50,12 +71,12 @@ def test_any_encoding_will_do(words, encoding):
 @pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
 def test_json_is_the_same_in_any_encoding(tmp_path, encoding):
     (tmp_path / "Ünï–✓.yaml").write_text("extends: paper/k3-fdd\ndescription: β ± ✓")
-    line = "$IOUT evaluate Ünï–✓.yaml --policy tour --json -"
-    status, out, _ = shell(line, PYTHONIOENCODING=encoding)
+    words = ["evaluate", "Ünï–✓.yaml", "--policy", "tour", "--json", "-"]
+    status, out, _ = shell(f"$IOUT {' '.join(words)}", PYTHONIOENCODING=encoding)
     assert status == 0
     assert out.isascii()
     assert json.loads(out)["scenario"] == "Ünï–✓"
-    assert shell(line, PYTHONIOENCODING=encoding)[1] == shell(line)[1]
+    assert out == iout(words)[1]
 
 
 def test_a_message_in_an_encoding_that_lacks_its_characters():
@@ -64,18 +85,32 @@ def test_a_message_in_an_encoding_that_lacks_its_characters():
     assert err.startswith("iout: no scenario '\\xdcn\\xef\\u2713'")
 
 
-@pytest.mark.parametrize("streams", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-", ">/dev/null"])
+CLOSED_ONES = {
+    ">&-": (PIPE, CLOSED, PIPE),
+    "2>&-": (PIPE, PIPE, CLOSED),
+    ">&- 2>&-": (PIPE, CLOSED, CLOSED),
+    ">/dev/null": (PIPE, os.devnull, PIPE),
+}
+
+
+@pytest.mark.parametrize("streams", CLOSED_ONES.values(), ids=CLOSED_ONES)
 def test_closed_streams_cost_no_result(tmp_path, streams):
-    status, out, err = shell(f"$IOUT {' '.join(EVALUATE)} --json x.json {streams}")
-    assert status == 0, (out, err)
-    assert err == ""
+    done = forked.run(*EVALUATE, "--json", "x.json", streams=streams)
+    assert done.returncode == 0, (done.stdout, done.stderr)
+    assert done.stderr == ""
     assert json.loads((tmp_path / "x.json").read_text())["episodes"] == 2
+
+
+def test_streams_that_python_finds_closed_cost_no_result(tmp_path):
+    status, out, err = shell(f"$IOUT {' '.join(EVALUATE)} --json x.json <&- >&- 2>&-")
+    assert (status, out, err) == (0, "", "")
+    assert (tmp_path / "x.json").read_text().endswith("}\n")
 
 
 @pytest.mark.parametrize("words", ALL, ids=lambda words: words[0])
 @pytest.mark.linux
 def test_a_full_disk_is_said_in_one_line(words):
-    status, _, err = shell(f"$IOUT {' '.join(words)} > /dev/full")
+    status, _, err = iout(words, "/dev/full")
     assert status == 2
     assert err.endswith("put: No space left on device\n")
     assert err.count("\n") == 1
@@ -83,13 +118,19 @@ def test_a_full_disk_is_said_in_one_line(words):
 
 @pytest.mark.linux
 def test_a_full_disk_costs_no_result(tmp_path):
-    assert shell(f"$IOUT {' '.join(EVALUATE)} --json x.json > /dev/full")[0] == 2
+    status, _, err = shell(f"$IOUT {' '.join(EVALUATE)} --json x.json > /dev/full")
+    assert (status, err.count("\n")) == (2, 1)
     assert json.loads((tmp_path / "x.json").read_text())["episodes"] == 2
 
 
 @pytest.mark.parametrize("words", [*ALL, [*EVALUATE, "--json", "-"]], ids=" ".join)
-def test_a_reader_that_has_gone_is_no_error(words):
-    status, _, err = shell(f"$IOUT {' '.join(words)} | true")
+def test_a_reader_that_has_gone_is_no_error(words, unread):
+    status, _, err = iout(words, unread)
+    assert (status, err) == (141, "")
+
+
+def test_a_reader_that_has_gone_is_no_error_as_python_ends_either():
+    status, _, err = shell(f"$IOUT {' '.join(EVALUATE)} | true")
     assert (status, err) == (141, "")
 
 
@@ -99,7 +140,7 @@ def test_an_error_that_nobody_hears_is_one(stream):
 
 
 def test_no_file_is_taken_for_standard_output(tmp_path):
-    shell(f"$IOUT {' '.join(EVALUATE)} --json x.json >&- <&-")
+    forked.run(*EVALUATE, "--json", "x.json", streams=(CLOSED, CLOSED, PIPE))
     assert (tmp_path / "x.json").read_text().endswith("}\n")
 
 
@@ -112,9 +153,8 @@ def in_terminal(words, columns, **environment):
     mine, its = pty.openpty()
     fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack("HHHH", 50, columns, 0, 0))
     keep = {k: v for k, v in os.environ.items() if k not in ("COLUMNS", "LINES", "NO_COLOR")}
-    process = subprocess.Popen(
-        [*IOUT, *words], stdout=its, stderr=its, env={**keep, "TERM": "xterm", **environment}
-    )
+    env = {**keep, "TERM": "xterm", **environment}
+    process = forked.Iout(words, streams=(PIPE, its, its), env=env)
     os.close(its)
     written = b""
     while True:
@@ -126,7 +166,8 @@ def in_terminal(words, columns, **environment):
             break
         written += more
     os.close(mine)
-    return process.wait(), written.decode()
+    with process:
+        return process.wait(PATIENCE_S), written.decode()
 
 
 @pytest.mark.parametrize("columns", [20, 40, 200])
@@ -159,7 +200,7 @@ def test_colours_and_bold_are_for_terminals():
     assert "\x1b[" in in_terminal(["scenarios"], 80)[1]
     assert "\x1b[3" not in in_terminal(["scenarios"], 80, NO_COLOR="1")[1]
     for words in ALL:
-        assert "\x1b" not in shell(f"$IOUT {' '.join(words)}", TERM="xterm-256color")[1]
+        assert "\x1b" not in iout(words, TERM="xterm-256color")[1]
 
 
 def test_a_working_folder_that_is_gone():

@@ -1,7 +1,6 @@
 """Parts of a user's own: imported by name or file, hashed, saved, missed, refused."""
 
 import json
-import multiprocessing
 import os
 import pickle
 import re
@@ -9,11 +8,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import forked
 import pytest
 from tiny_study import TINY, write_study
 
 from iout_marl import InputError, Trainer, World, load_policy, load_scenario, outside, parts
 from iout_marl.scenario import to_yaml
+from iout_marl.study.pools import LocalProcesses
 
 MINE = '''
 from iout_marl import metrics, parts
@@ -60,16 +61,6 @@ def nested(flat):
             place = place.setdefault(key, {})
         place[last] = value
     return whole
-
-
-def run(*words):
-    """A command line in a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "iout_marl", *map(str, words)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 @pytest.mark.parametrize("source", ["my_parts", "my_parts.py", "./my_parts.py"])
@@ -185,7 +176,7 @@ def steps_of(scenario):
 def test_a_scenario_that_is_pickled_brings_its_parts_along(source):
     outside.bring_in(source)
     scenario = load_scenario("mine.yaml")
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
+    with LocalProcesses.context.Pool(1) as pool:
         assert pool.apply(steps_of, (scenario,)) == steps_of(scenario)
 
 
@@ -203,7 +194,7 @@ def test_a_run_says_which_import_is_missing(iout, tmp_path):
     }
     evaluate = ["evaluate", "mine.yaml", "--policy", "run", "--episodes", "2"]
     assert iout(*evaluate, "--import", "my_parts.py")[0] == 0
-    found = run("evaluate", "paper/k3-fdd", "--policy", "run", "--transfer")
+    found = forked.run("evaluate", "paper/k3-fdd", "--policy", "run", "--transfer")
     assert (found.returncode, found.stdout) == (2, "")
     assert found.stderr == (
         "iout: run: was trained with motion 'diagonal' of version 1, which is not registered: "
@@ -230,7 +221,7 @@ def test_a_study_takes_its_imports_to_its_workers(iout, tmp_path):
     assert status == 0, err
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert all("oldest_now" in str(cell) for cell in results["cells"])
-    line = run(*words)
+    line = forked.run(*words)
     assert line.returncode == 2
     assert "unknown kind" in line.stderr
 
@@ -260,7 +251,9 @@ def test_an_entry_point_brings_parts(tmp_path):
 def test_a_folder_of_the_users_does_not_stand_in_for_ours(tmp_path):
     (tmp_path / "trainers").mkdir()
     (tmp_path / "trainers" / "__init__.py").write_text("raise SystemExit('not this one')")
-    found = run("train", "mine.yaml", "--import", "my_parts", "--out", "run", "--steps", "240")
+    words = ["train", "mine.yaml", "--import", "my_parts", "--out", "run", "--steps", "240"]
+    command = [sys.executable, "-m", "iout_marl", *words]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
 
 

@@ -4,9 +4,8 @@ import io
 import os
 import shutil
 import signal
-import subprocess
-import sys
 
+import forked
 import pytest
 from rich.console import Console
 from tiny_study import PATIENCE_S
@@ -251,7 +250,6 @@ class TestWhichPoliciesAreMeant:
 #: The command line, whose trainer takes long to build: in a library that looks at no signal.
 ENDLESS = """
 import hashlib
-from iout_marl.cli import main
 from trainers import Trainer
 
 def build(*_, **__):
@@ -259,7 +257,6 @@ def build(*_, **__):
     hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)
 
 Trainer.__init__ = build
-main()
 """
 
 
@@ -267,12 +264,8 @@ main()
 @pytest.mark.parametrize("number", SIGNALS, ids=lambda number: number.name)
 @pytest.mark.posix
 def test_signal_ends_a_training_that_is_only_being_built(tiny_settings, tmp_path, number):
-    program = tmp_path / "iout.py"  # so called, it is the command line
-    program.write_text(ENDLESS)
     words = ["train", "best/k3-fdd", *tiny_settings, "--out", str(tmp_path / "run")]
-    with subprocess.Popen(
-        [sys.executable, program, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    with forked.Iout(words, before=ENDLESS) as process:
         try:
             assert process.stdout.readline() == "building\n", process.stderr.read()
             process.send_signal(number)
