@@ -1,16 +1,15 @@
 """The same study on a real Dask cluster: a scheduler and two workers on loopback."""
 
 import json
-import os
 import signal
 import socket
-import subprocess
 import sys
 import threading
 import warnings
 from contextlib import contextmanager, suppress
 from http.server import HTTPServer, SimpleHTTPRequestHandler
 
+import forked
 import pytest
 from tiny_cluster import Cluster
 from tiny_study import PATIENCE_S, STUDY, SameProcess, wait_for, write_study
@@ -43,10 +42,7 @@ def start(study, tmp_path):
     """Starts `iout reproduce` on the study."""
 
     def starter(*words):
-        command = [sys.executable, "-m", "iout_marl", "reproduce", "--study", str(study)]
-        command += ["--out", str(tmp_path / "out"), *words]
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        return subprocess.Popen(command, env={**os.environ, "PYTHONUNBUFFERED": "1"}, **pipes)
+        return forked.Iout(("reproduce", "--study", study, "--out", tmp_path / "out", *words))
 
     return starter
 

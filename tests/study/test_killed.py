@@ -3,10 +3,9 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
 
+import forked
 import psutil
 import pytest
 from tiny_study import PATIENCE_S, STUDY, wait_for, write_study
@@ -36,25 +35,15 @@ def start(study, tmp_path):
     temporary.mkdir()
 
     def starter(*words):
-        command = [sys.executable, "-m", "iout_marl", "reproduce", "--study", str(study)]
-        command += ["--out", str(tmp_path / "out"), *words]
-        started.append(
-            subprocess.Popen(
-                command,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
-                cwd=tmp_path,
-                env={**os.environ, "TMPDIR": str(temporary)},
-                start_new_session=True,
-            )
-        )
+        words = ("reproduce", "--study", study, "--out", tmp_path / "out", *words)
+        env = {**os.environ, "TMPDIR": str(temporary)}
+        started.append(forked.Iout(words, env=env, folder=tmp_path, leads=True))
         return started[-1]
 
     yield starter
     for process in started:
         process.kill()
-        process.communicate()
+        process.close()
 
 
 def finished_cells(tmp_path):
@@ -85,7 +74,7 @@ def test_a_killed_study_takes_its_workers_along_and_goes_on_where_it_was(start, 
     workers = workers_of(process)
     assert workers
     process.kill()
-    process.communicate()
+    process.wait(PATIENCE_S)
     wait_for(lambda: not any(worker.is_running() for worker in workers))
     assert list((tmp_path / "temporary").glob("iout-*")) == []
     before = {path: path.stat().st_mtime_ns for path in finished_cells(tmp_path)}

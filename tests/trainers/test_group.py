@@ -3,11 +3,13 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import forked
 import pytest
 import torch
 from safetensors.torch import load_file
@@ -106,15 +108,34 @@ def refused(*command, processes=2):
     return [line for line in result.stderr.splitlines() if line.startswith("iout: ")]
 
 
+def all_refused(*words, processes=2):
+    """What each process says, started with what torchrun lets it know, but without torchrun."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    started = []
+    for rank in map(str, range(processes)):
+        place = {"RANK": rank, "LOCAL_RANK": rank, "WORLD_SIZE": str(processes)}
+        group = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port, "TORCHELASTIC_RUN_ID": "tests"}
+        started.append(forked.Iout(("train", *words), env={**environment(), **place, **group}))
+    lines = []
+    for process in started:
+        with process:
+            _, err = process.communicate(forked.PATIENCE_S)
+        assert process.returncode != 0
+        lines += [line for line in err.splitlines() if line.startswith("iout: ")]
+    return lines
+
+
 def test_environments_that_cannot_be_shared_evenly(scenario_file, tmp_path):
-    lines = refused(str(scenario_file()), "--out", str(tmp_path / "run"), processes=3)
+    lines = all_refused(str(scenario_file()), "--out", str(tmp_path / "run"), processes=3)
     expected = "iout: training.environments: 4 cannot be shared evenly by 3 processes"
     assert expected in lines
 
 
 def test_policies_side_by_side_are_for_one_process(scenario_file, tmp_path):
     run = tmp_path / "run"
-    lines = refused(str(scenario_file()), "--out", str(run), "--replicas", "2")
+    lines = all_refused(str(scenario_file()), "--out", str(run), "--replicas", "2")
     expected = "policies side by side are trained by one process, without torchrun"
     assert f"iout: --replicas: {expected}" in lines
     assert not run.exists()
