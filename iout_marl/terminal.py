@@ -117,7 +117,8 @@ def prepare_streams() -> None:
     """Make standard output and error fit for any text; what was closed leads nowhere.
 
     A character that their encoding lacks is replaced. Descriptors that are closed are opened:
-    otherwise the next file would be taken for one of them.
+    otherwise the next file would be taken for one of them. Standard error holds nothing back: what
+    it could not write would fail again for whoever flushes it next, as Python does where it ends.
     """
     with suppress(OSError):
         while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
@@ -130,6 +131,18 @@ def prepare_streams() -> None:
             setattr(sys, name, opened)
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors=errors)
+    _hold_nothing_back()
+
+
+def _hold_nothing_back() -> None:
+    error = sys.stderr
+    # Any other stream than Python's own would be closed with its buffer.
+    if not isinstance(error, io.TextIOWrapper) or error is not sys.__stderr__:
+        return
+    if isinstance(held := error.buffer, io.BufferedWriter):
+        with suppress(OSError):
+            error.flush()
+        sys.stderr = io.TextIOWrapper(held.raw, error.encoding, error.errors, write_through=True)
 
 
 def finish_output() -> OSError | None:

@@ -24,9 +24,11 @@ STUBS = str(Path(__file__).parent / "stubs")
 
 
 def pytest_configure():
-    """Let processes that are started find the stubs, too."""
+    """Let processes that are started find the stubs, too, and buffer as Python usually does."""
     paths = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
     os.environ["PYTHONPATH"] = os.pathsep.join(dict.fromkeys([STUBS, *paths]))
+    # It would hide what becomes of text that streams hold back.
+    os.environ.pop("PYTHONUNBUFFERED", None)
 
 
 #: What is about shells, pseudo-terminals, forks and signals between processes from its first line.

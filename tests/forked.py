@@ -79,15 +79,7 @@ def _be_iout(words, descriptors, folder, environment, before, leads):
 
     torch.set_num_threads(1)
     exec(before, {})
-    try:
-        main()
-    except SystemExit:
-        # What standard error does not take is lost without a word, as where Python ends.
-        try:
-            sys.stderr.flush()
-        except OSError:
-            sys.stderr = None
-        raise
+    main()
 
 
 class Iout:

@@ -4,11 +4,11 @@ import json
 import os
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+import forked
 import pytest
 from tiny_study import STUDY, write_study
 
@@ -214,8 +214,8 @@ def test_streams_that_nobody_reads_cost_no_result(tmp_path):
     read, write = os.pipe()
     os.close(read)
     words = ["reproduce", "--study", str(study), "--out", "out", "--jobs", "1"]
-    command = [sys.executable, "-m", "iout_marl", *words]
-    subprocess.run(command, stdout=write, stderr=write, check=False)
+    done = forked.run(*words, streams=(forked.PIPE, write, write))
+    assert done.returncode == 141
     os.close(write)
     assert len(json.loads(Path("out/results.json").read_text())["cells"]) == 2
     assert Path("out/report.html").exists()
