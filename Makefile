@@ -99,6 +99,8 @@ lint: $(TEST)
 types: $(TEST)
 	$(BIN)/mypy
 
+# What is compiled is kept: each of many processes would compile it anew.
+pytest: export PYTHONDONTWRITEBYTECODE :=
 pytest: $(TEST)
 	$(BIN)/pytest $(SPREAD)
 

@@ -16,6 +16,10 @@ Array: TypeAlias = Any
 #: An array, or a Python number that is read as a NumPy scalar.
 ArrayLike: TypeAlias = Any
 
+#: What NumPy alone is needed for, and its array namespace.
+_OF_NUMPY = (np.ndarray, np.generic, int, float)
+_NUMPY = array_api_compat.array_namespace(np.empty(0))
+
 
 def as_arrays(*values: ArrayLike) -> tuple[Any, ...]:
     """The array namespace of `values`, then each of them as a floating array of it.
@@ -25,10 +29,18 @@ def as_arrays(*values: ArrayLike) -> tuple[Any, ...]:
     numbers become NumPy scalars; beside an array of any library a NumPy scalar counts
     as a number, so that what was computed from numbers alone goes with every library.
     """
-    arrays = [v for v in values if array_api_compat.is_array_api_obj(v)]
+    # Most are of NumPy: whose each of them is need not be asked one by one.
+    of_numpy = all(isinstance(v, _OF_NUMPY) for v in values)
+    if of_numpy:
+        arrays = [v for v in values if isinstance(v, (np.ndarray, np.generic))]
+    else:
+        arrays = [v for v in values if array_api_compat.is_array_api_obj(v)]
     arrays = [v for v in arrays if not isinstance(v, np.generic)] or arrays
     if not arrays:
         return (np, *(np.float64(v) if np.ndim(v) == 0 else np.asarray(v, float) for v in values))
+    if of_numpy:
+        dtype = next((a.dtype for a in arrays if a.dtype.kind == "f"), np.float64)
+        return (_NUMPY, *(np.asarray(v, dtype) for v in values))
     xp = array_api_compat.array_namespace(*arrays)
     device = array_api_compat.device(arrays[0])
     dtype = next((a.dtype for a in arrays if xp.isdtype(a.dtype, "real floating")), xp.float64)

@@ -7,8 +7,6 @@ from env_cases import CASES, SLOTS, STARTS, case_scenario, scenario
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.vec_env import VecNormalize
-from torchrl.envs import PettingZooWrapper
-from torchrl.envs.utils import check_env_specs
 
 from iout_marl import iout_v0
 from iout_marl.envs import AUVEnv, supersuit_vec_env
@@ -37,6 +35,14 @@ def make_vec_env():
     yield make
     for vec_env in made:
         vec_env.close()
+
+
+@pytest.fixture(scope="module")
+def torchrl_envs():
+    """Imported where it is needed: that takes longer than to collect hundreds of tests."""
+    import torchrl.envs
+
+    return torchrl.envs
 
 
 def play(vec_env, slots, seed=0):
@@ -157,14 +163,14 @@ def test_supersuits_own_vector_environment_plays(auvs, mask, processes):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
-def test_torchrl_takes_the_environment(case):
-    env = PettingZooWrapper(iout_v0.parallel_env(case_scenario(case)), return_state=True)
-    check_env_specs(env)
+def test_torchrl_takes_the_environment(case, torchrl_envs):
+    env = iout_v0.parallel_env(case_scenario(case))
+    torchrl_envs.check_env_specs(torchrl_envs.PettingZooWrapper(env, return_state=True))
 
 
-def test_torchrl_rolls_out_whole_episodes():
+def test_torchrl_rolls_out_whole_episodes(torchrl_envs):
     env = iout_v0.parallel_env(scenario(auvs=3))
-    rollout = PettingZooWrapper(env, return_state=True).rollout(SLOTS + 5)
+    rollout = torchrl_envs.PettingZooWrapper(env, return_state=True).rollout(SLOTS + 5)
     assert rollout.shape == (SLOTS,)
     assert rollout["next", "auv", "truncated"][-1].all()
     assert not rollout["next", "auv", "terminated"].any()
