@@ -119,6 +119,10 @@ def check_part(
     with subject.contract("in a scenario"):
         worlds = dict(subject.put_into(bases))
     contracts = CONTRACTS if entry.item.is_of_world else CONTRACTS_OF_TRAINING
+    # Settings are the same in all of them.
+    name, world = next(iter(worlds.items()))
+    with subject.contract("settings", name):
+        check_settings(world, _key(entry.role), subject.settings(world))
     for name, world in worlds.items():
         for contract, check in contracts.items():
             with subject.contract(contract, name):
@@ -230,11 +234,6 @@ def _key(role: str) -> str:
 
 def _is_as_stated(subject: _Subject, scenario: Scenario, _: Sequence[int]) -> None:
     subject.settings(scenario).part.check_stated(scenario)
-
-
-def _settings(subject: _Subject, scenario: Scenario, _: Sequence[int]) -> None:
-    key = _key(subject.entry.role)
-    check_settings(scenario, key, subject.settings(scenario))
 
 
 @unheard
@@ -365,7 +364,6 @@ def _training(_: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:  #
 #: What all parts promise, in the order in which it is tested.
 CONTRACTS: Mapping[str, Callable[[_Subject, Scenario, Sequence[int]], None]] = {
     "what it states": _is_as_stated,
-    "settings": _settings,
     "what its role promises": _role,
     "values": _values,
     "the same twice": _is_deterministic,
@@ -378,6 +376,5 @@ CONTRACTS: Mapping[str, Callable[[_Subject, Scenario, Sequence[int]], None]] = {
 #: The same of what works in a training.
 CONTRACTS_OF_TRAINING: Mapping[str, Callable[[_Subject, Scenario, Sequence[int]], None]] = {
     "what it states": _is_as_stated,
-    "settings": _settings,
     "a training": _training,
 }
