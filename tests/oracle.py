@@ -571,8 +571,8 @@ class Oracle:
         over_time, integral_of_ages = self.scenario.age.sampling == "packet_start", 0.0
         for node in self.nodes:
             before = self.age[node]
-            integral_of_ages += integral(lambda t, a=before: min(a + t, maximum), 0, 1)
             if over_time:
+                integral_of_ages += integral(lambda t, a=before: min(a + t, maximum), 0, 1)
                 self.peak_age = max(self.peak_age, min(before + 1, maximum))
             takers = [a for a, e in enumerate(self.events) if node in e.received]
             if takers:
