@@ -9,13 +9,16 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from multiprocessing import reduction
 
 PATIENCE_S = 120
 PRELOADED = [
     *("forked", "iout_marl.cli", "iout_marl.study.run", "trainers.training"),
     *("torch.utils.tensorboard", "matplotlib.figure"),
+    *("distributed.cli.dask_scheduler", "distributed.cli.dask_worker"),
 ]
 #: What a stream can be, besides a descriptor or the path of a file.
 PIPE, CLOSED = "pipe", "closed"
@@ -60,11 +63,12 @@ def _open_streams(descriptors, encoding):
         setattr(sys, f"__{names[number]}__", stream)
 
 
-def _be_iout(words, descriptors, folder, environment, before, leads):
+def _be_a_program(module, words, descriptors, folder, environment, before, leads):
     if leads:
         os.setsid()
     os.environ.clear()
     os.environ.update(environment)
+    tempfile.tempdir = None  # what was found in another environment
     _open_streams(descriptors, environment.get("PYTHONIOENCODING"))
     os.chdir(folder)
     # The forkserver may have been started by a study, which lets signals wait meanwhile.
@@ -75,11 +79,9 @@ def _be_iout(words, descriptors, folder, environment, before, leads):
     sys.orig_argv = [sys.executable, "-m", "iout_marl", *words]
     import torch
 
-    from iout_marl.cli import main
-
     torch.set_num_threads(1)
     exec(before, {})
-    main()
+    import_module(module).main()
 
 
 class Iout:
@@ -94,10 +96,19 @@ class Iout:
             encoding of streams.
         folder: in which it works.
         leads: whether it leads a session of its own.
+        module: whose `main` is run, if not that of `iout`.
     """
 
     def __init__(
-        self, words, before="", *, streams=(PIPE, PIPE, PIPE), env=None, folder=None, leads=False
+        self,
+        words,
+        before="",
+        *,
+        streams=(PIPE, PIPE, PIPE),
+        env=None,
+        folder=None,
+        leads=False,
+        module="iout_marl.cli",
     ):
         env = dict(os.environ if env is None else env)
         encoding = env.get("PYTHONIOENCODING") or None
@@ -113,8 +124,9 @@ class Iout:
                 opened.append(its[number])
         self.stdin, self.stdout, self.stderr = ours
         self._process = context().Process(
-            target=_be_iout,
+            target=_be_a_program,
             args=(
+                module,
                 list(map(str, words)),
                 [CLOSED if stream == CLOSED else _Stream(stream) for stream in its],
                 str(folder or os.getcwd()),  # noqa: PTH109

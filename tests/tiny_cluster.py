@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+import forked
 from tiny_study import wait_for
 
 
@@ -33,10 +34,18 @@ class Cluster:
         return self._start("worker", self.address, *alone)
 
     def _start(self, kind, *words):
-        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *words]
-        output = {"stdout": self.log, "stderr": self.log}
+        module, log = f"distributed.cli.dask_{kind}", self.log.fileno()
         environment = {**os.environ, "TMPDIR": str(self.folder)}
-        self.started.append(subprocess.Popen(command, cwd=self.folder, env=environment, **output))
+        if os.name == "nt":
+            command = [sys.executable, "-m", module, *words]
+            output = {"stdout": log, "stderr": log}
+            process = subprocess.Popen(command, cwd=self.folder, env=environment, **output)
+        else:
+            streams = (os.devnull, log, log)
+            process = forked.Iout(
+                words, streams=streams, env=environment, folder=self.folder, module=module
+            )
+        self.started.append(process)
         return self.started[-1]
 
     def __enter__(self):

@@ -61,14 +61,39 @@ def scenario_file(tiny, tmp_path):
     return write
 
 
-@pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
-def test_two_processes_learn_what_one_does(scenario_file, tiny, tmp_path, changes):
+def side_by_side(*words, processes=2):
+    """Trainings started with what torchrun lets each know, but without it; what became of them."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    started = []
+    for rank in map(str, range(processes)):
+        place = {"RANK": rank, "LOCAL_RANK": rank, "WORLD_SIZE": str(processes)}
+        group = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port, "TORCHELASTIC_RUN_ID": "tests"}
+        started.append(forked.Iout(("train", *words), env={**environment(), **place, **group}))
+    ended = []
+    for process in started:
+        with process:
+            out, err = process.communicate(forked.PATIENCE_S)
+        ended.append(subprocess.CompletedProcess(words, process.returncode, out, err))
+    return ended
+
+
+def under_torchrun(*words):
+    """A training by two processes that torchrun starts, as users do."""
+    command = torchrun("-m", "trainers.ppo", *map(str, words))
+    return [subprocess.run(command, capture_output=True, text=True, env=environment(), check=False)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "started"),
+    [*zip(VARIANTS.values(), (under_torchrun, side_by_side), strict=True)],
+    ids=list(VARIANTS),
+)
+def test_two_processes_learn_what_one_does(scenario_file, tiny, tmp_path, changes, started):
     path = scenario_file(changes)
-    command = ["-m", "trainers.ppo", str(path), "--out", str(tmp_path / "two"), "--seed", "4"]
-    result = subprocess.run(
-        torchrun(*command), capture_output=True, text=True, env=environment(), check=False
-    )
-    assert result.returncode == 0, result.stderr
+    ended = started(path, "--out", tmp_path / "two", "--seed", "4")
+    assert not any(each.returncode for each in ended), ended
     alone = train(tiny({"training.steps": 400, **changes}), tmp_path / "one", seed=4)
     two = RunFolder(tmp_path / "two")
     ours, theirs = (load_file(run.path / "policy.safetensors") for run in (two, alone.run))
@@ -83,7 +108,7 @@ def test_two_processes_learn_what_one_does(scenario_file, tiny, tmp_path, change
             if not tag.startswith("speed/"):
                 assert ours[tag] == pytest.approx(value, rel=1e-3, abs=1e-4), tag
     # One reports, and what it reports is the whole.
-    assert result.stdout.count("trained for") == 1
+    assert sum(each.stdout.count("trained for") for each in ended) == 1
     # A checkpoint is that of all environments: one process can continue with it.
     longer = tiny({**changes, "training.steps": 800})
     outcomes = [train(longer, run.path, resume=True) for run in (two, alone.run)]
@@ -109,22 +134,10 @@ def refused(*command, processes=2):
 
 
 def all_refused(*words, processes=2):
-    """What each process says, started with what torchrun lets it know, but without torchrun."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = str(free.getsockname()[1])
-    started = []
-    for rank in map(str, range(processes)):
-        place = {"RANK": rank, "LOCAL_RANK": rank, "WORLD_SIZE": str(processes)}
-        group = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port, "TORCHELASTIC_RUN_ID": "tests"}
-        started.append(forked.Iout(("train", *words), env={**environment(), **place, **group}))
-    lines = []
-    for process in started:
-        with process:
-            _, err = process.communicate(forked.PATIENCE_S)
-        assert process.returncode != 0
-        lines += [line for line in err.splitlines() if line.startswith("iout: ")]
-    return lines
+    """What each process says of a training that does not begin."""
+    ended = side_by_side(*words, processes=processes)
+    assert all(each.returncode for each in ended)
+    return [li for each in ended for li in each.stderr.splitlines() if li.startswith("iout: ")]
 
 
 def test_environments_that_cannot_be_shared_evenly(scenario_file, tmp_path):
