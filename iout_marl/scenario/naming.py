@@ -8,6 +8,7 @@ name is preferred.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 
 from iout_marl.errors import InputError, did_you_mean
@@ -173,7 +174,13 @@ def _family_in(file: Path) -> Family | None:
         InputError: it cannot be read, or describes none.
     """
     contents = read_contents(file)
-    return family_of(parse_file(file, contents), file) if b"matrix" in contents else None
+    return _family(file, show_file(file), contents) if b"matrix" in contents else None
+
+
+@lru_cache(maxsize=16)
+def _family(file: Path, shown: str, contents: bytes) -> Family | None:  # noqa: ARG001
+    """The family that contents describe; messages call its file as it is shown from here."""
+    return family_of(parse_file(file, contents), file)
 
 
 def _no_family(file: Path) -> str:

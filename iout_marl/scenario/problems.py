@@ -33,12 +33,12 @@ def validate(model: type[Model], layer: Layer) -> Model:
         InputError: one line with file, line, key and what was meant.
     """
     load_entry_points()
-    unknown = _describe_unknown(model, unknown_keys((model,), layer.data), layer)
-    if unknown:
-        raise InputError(unknown)
     try:
         return model.model_validate(layer.data)
     except ValidationError as error:
+        # Models allow none of them, but name one at a time.
+        if unknown := _describe_unknown(model, unknown_keys((model,), layer.data), layer):
+            raise InputError(unknown) from None
         problems = error.errors(include_url=False)
         more = f" (and {len(problems) - 1:,} more)" if len(problems) > 1 else ""
         raise InputError(_describe(problems[0], layer) + more) from None
