@@ -92,7 +92,8 @@ CASES = [
 ]
 
 
-@pytest.fixture
+# For all tests of a part: what is registered has scenarios checked by other rules, which takes time.
+@pytest.fixture(scope="module")
 def pairs(request):
     """Scenarios with a part, and with the same part under another name."""
     role, kind = request.param
