@@ -92,7 +92,7 @@ CASES = [
 ]
 
 
-# For all tests of a part: what is registered has scenarios checked by other rules, which takes time.
+# For all tests of a part: to register one takes time, as scenarios have other rules from then on.
 @pytest.fixture(scope="module")
 def pairs(request):
     """Scenarios with a part, and with the same part under another name."""

@@ -12,7 +12,7 @@ from http.server import HTTPServer, SimpleHTTPRequestHandler
 import forked
 import pytest
 from tiny_cluster import Cluster
-from tiny_study import PATIENCE_S, STUDY, SameProcess, wait_for, write_study
+from tiny_study import PATIENCE_S, STUDY, SameProcess, let_last, wait_for, write_study
 
 from iout_marl import InputError
 from iout_marl.study import cluster as on_dask
@@ -92,7 +92,8 @@ def test_a_study_that_loses_its_scheduler_says_how_to_go_on_and_does(cluster, st
 
 @pytest.mark.slow
 @pytest.mark.posix
-def test_a_study_on_a_cluster_is_stopped_like_any_other(cluster, start, tmp_path):
+def test_a_study_on_a_cluster_is_stopped_like_any_other(cluster, start, study, tmp_path):
+    let_last(study)
     running = start("--scheduler", cluster.address)
     wait_for(lambda: trained_cells(tmp_path) or running.poll() is not None)
     running.send_signal(signal.SIGTERM)

@@ -8,7 +8,7 @@ import time
 import forked
 import psutil
 import pytest
-from tiny_study import PATIENCE_S, STUDY, wait_for, write_study
+from tiny_study import PATIENCE_S, STUDY, let_last, wait_for, write_study
 
 pytestmark = pytest.mark.slow
 
@@ -88,7 +88,8 @@ def test_a_killed_study_takes_its_workers_along_and_goes_on_where_it_was(start, 
 
 
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT, signal.SIGTERM])
-def test_a_stopped_study_says_how_to_go_on(start, tmp_path, number):
+def test_a_stopped_study_says_how_to_go_on(start, study, tmp_path, number):
+    let_last(study)
     process = start("--jobs", "2")
     wait_for(lambda: finished_cells(tmp_path))
     process.send_signal(number)
@@ -114,9 +115,10 @@ MOMENTS = {
     ids=lambda value: getattr(value, "name", value),
 )
 def test_a_signal_of_the_terminal_to_all_processes_makes_no_traceback(
-    start, tmp_path, number, moment
+    start, study, tmp_path, number, moment
 ):
     is_there, seconds = MOMENTS[moment]
+    let_last(study)
     process = start("--jobs", "2")
     wait_for(lambda: is_there(process, tmp_path))
     time.sleep(seconds)
