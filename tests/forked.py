@@ -11,14 +11,12 @@ import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
-from importlib import import_module
 from multiprocessing import reduction
 
 PATIENCE_S = 120
 PRELOADED = [
     *("forked", "iout_marl.cli", "iout_marl.study.run", "trainers.training"),
     *("torch.utils.tensorboard", "matplotlib.figure"),
-    *("distributed.cli.dask_scheduler", "distributed.cli.dask_worker"),
 ]
 #: What a stream can be, besides a descriptor or the path of a file.
 PIPE, CLOSED = "pipe", "closed"
@@ -63,7 +61,7 @@ def _open_streams(descriptors, encoding):
         setattr(sys, f"__{names[number]}__", stream)
 
 
-def _be_a_program(module, words, descriptors, folder, environment, before, leads):
+def _be_iout(words, descriptors, folder, environment, before, leads):
     if leads:
         os.setsid()
     os.environ.clear()
@@ -79,9 +77,11 @@ def _be_a_program(module, words, descriptors, folder, environment, before, leads
     sys.orig_argv = [sys.executable, "-m", "iout_marl", *words]
     import torch
 
+    from iout_marl.cli import main
+
     torch.set_num_threads(1)
     exec(before, {})
-    import_module(module).main()
+    main()
 
 
 class Iout:
@@ -96,19 +96,10 @@ class Iout:
             encoding of streams.
         folder: in which it works.
         leads: whether it leads a session of its own.
-        module: whose `main` is run, if not that of `iout`.
     """
 
     def __init__(
-        self,
-        words,
-        before="",
-        *,
-        streams=(PIPE, PIPE, PIPE),
-        env=None,
-        folder=None,
-        leads=False,
-        module="iout_marl.cli",
+        self, words, before="", *, streams=(PIPE, PIPE, PIPE), env=None, folder=None, leads=False
     ):
         env = dict(os.environ if env is None else env)
         encoding = env.get("PYTHONIOENCODING") or None
@@ -124,9 +115,8 @@ class Iout:
                 opened.append(its[number])
         self.stdin, self.stdout, self.stderr = ours
         self._process = context().Process(
-            target=_be_a_program,
+            target=_be_iout,
             args=(
-                module,
                 list(map(str, words)),
                 [CLOSED if stream == CLOSED else _Stream(stream) for stream in its],
                 str(folder or os.getcwd()),  # noqa: PTH109

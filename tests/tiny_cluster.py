@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 
-import forked
 from tiny_study import wait_for
 
 
@@ -34,18 +33,10 @@ class Cluster:
         return self._start("worker", self.address, *alone)
 
     def _start(self, kind, *words):
-        module, log = f"distributed.cli.dask_{kind}", self.log.fileno()
+        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *words]
+        output = {"stdout": self.log, "stderr": self.log}
         environment = {**os.environ, "TMPDIR": str(self.folder)}
-        if os.name == "nt":
-            command = [sys.executable, "-m", module, *words]
-            output = {"stdout": log, "stderr": log}
-            process = subprocess.Popen(command, cwd=self.folder, env=environment, **output)
-        else:
-            streams = (os.devnull, log, log)
-            process = forked.Iout(
-                words, streams=streams, env=environment, folder=self.folder, module=module
-            )
-        self.started.append(process)
+        self.started.append(subprocess.Popen(command, cwd=self.folder, env=environment, **output))
         return self.started[-1]
 
     def __enter__(self):

@@ -98,7 +98,7 @@ def test_a_study_on_a_cluster_is_stopped_like_any_other(cluster, start, study, t
     wait_for(lambda: trained_cells(tmp_path) or running.poll() is not None)
     running.send_signal(signal.SIGTERM)
     _, told = running.communicate(timeout=PATIENCE_S)
-    assert running.returncode == 128 + signal.SIGTERM
+    assert running.returncode == 128 + signal.SIGTERM, told
     assert f"Continue with: iout reproduce --study {tmp_path}" in told
     assert f"--scheduler {cluster.address}" in told
     assert "Traceback" not in told
