@@ -23,6 +23,8 @@ BETAS = [0.1, 0.5, 0.9]
 SLOT = (25, 100, 3000)
 
 #: The array arguments of every public function, then its plain numbers.
+#: Areas, drag coefficients, efficiencies.
+HULL = [[0.5, 3, 10], [0.003, 0.006, 0.1], [0.3, 0.7, 1]]
 CASES = {
     "airtime_s": ([[100, 2048, 30_000], [80, 1000, 5000]], ()),
     "ambient_noise_band_level_db": (
@@ -60,9 +62,11 @@ CASES = {
         [LEVELS, NOISES, [-160, -150, -140], [50, 125, 300], EFFICIENCIES, [1, 2, 4]],
         (),
     ),
+    "economical_speed_m_per_s": ([[0, 40, 200], *HULL], ()),
     "kappa_3": ([[1, 34, 100], NOISES], ()),
     "mackenzie_sound_speed_m_per_s": ([[4, 10, 27], [33, 35, 36], [0, 100, 1000]], ()),
     "modem_energy_j": ([[0, 0.5, 20], [0.1, 1, 2], [100, 2048, 30_000], [80, 1000, 5000]], ()),
+    "propulsion_power_w": ([[0, 1.5, 4], *HULL], ()),
     "received_level_db": ([LEVELS, LOSSES, NOISES], ()),
     "required_energy_j": ([[0.1, 12, 300], [2.5, 12.5, 25]], ()),
     "required_snr": ([[10, 100, 80_000], [2.5, 12.5, 25], [1000, 3000, 5000]], ()),
