@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from iout_marl.bounds.ascent import climb
@@ -14,6 +14,7 @@ from iout_marl.bounds.check_game import is_covered
 from iout_marl.bounds.energy import FINE
 from iout_marl.bounds.finite_game import FiniteGame
 from iout_marl.bounds.lagrangian import fits
+from iout_marl.bounds.over_time import in_whole_slots, mean_in_whole_slots, mean_over_time
 from iout_marl.bounds.scheduling import least_age_sum
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
@@ -38,7 +39,8 @@ class Bound:
         energy_and_travel: the bound that counts energy and travel in too, that by ages alone
             if no higher one was found; None where there is none.
         validity: for what they hold, why `energy_and_travel` is None if it is, and `stated_by`.
-        certificate: of the higher of the two, verified.
+        certificate: of the higher of the two, verified; where ages are taken over time, of the
+            scenario in whole slots from which it follows, see `bounds.over_time`.
         stated_by: the parts from outside whose word is taken for it; empty where there are none.
     """
 
@@ -118,6 +120,8 @@ def bound(
     if best_known is not None and not 0 < best_known < math.inf:
         raise InputError(f"best_known must be a mean AoI above 0, not {best_known}")
     scenario = load_scenario(scenario, overrides)
+    if scenario.age.is_continuous:
+        return _over_time(scenario, best_known, seconds)
     deadline = time.monotonic() + seconds
     node_slots = scenario.num_nodes * scenario.num_slots
     scheduled = least_age_sum(scenario)
@@ -141,6 +145,20 @@ def bound(
         validity="; ".join(filter(None, [_validity(scenario), stated_by])),
         certificate=certificate,
         stated_by=stated_by,
+    )
+
+
+def _over_time(scenario: Scenario, best_known: float | None, seconds: float) -> Bound:
+    """The bounds of ages that are taken over time."""
+    known = None if best_known is None else mean_in_whole_slots(scenario, best_known)
+    found = bound(in_whole_slots(scenario), known and max(known, 1.0), seconds)
+    higher = found.energy_and_travel
+    return replace(
+        found,
+        scenario=scenario.name,
+        scenario_hash=scenario.hash,
+        scheduling=mean_over_time(scenario, found.scheduling),
+        energy_and_travel=None if higher is None else mean_over_time(scenario, higher),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.bounds.over_time import in_whole_slots, mean_over_time
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
 
@@ -70,8 +71,8 @@ def least_age_sum(scenario: AnyScenario, *, overrides: Overrides = None) -> int:
     scenario = load_scenario(scenario, overrides)
     if scenario.age.is_continuous:
         raise InputError(
-            f"age.sampling: {scenario.age.sampling}: bounds are for ages in whole slots, read "
-            "at the ends of slots (slot_end)"
+            f"age.sampling: {scenario.age.sampling}: sums of ages are bounded in whole slots, "
+            "read at their ends (slot_end); `bound` makes a bound over time of that"
         )
     if scenario.num_nodes * scenario.num_slots * scenario.age.maximum > MOST_AGE_SUM:
         raise InputError(
@@ -94,7 +95,9 @@ def delivery_bound(scenario: AnyScenario, *, overrides: Overrides = None) -> flo
         scenario, overrides: as for `load_scenario`.
 
     Returns:
-        mean over nodes and slots of the age after each slot, in slots.
+        mean over nodes and slots of the age after each slot, or over time, in slots.
     """
     scenario = load_scenario(scenario, overrides)
+    if scenario.age.is_continuous:
+        return mean_over_time(scenario, delivery_bound(in_whole_slots(scenario)))
     return least_age_sum(scenario) / scenario.num_nodes / scenario.num_slots

@@ -71,7 +71,12 @@ def at_sea(rng, spacing_m, slots):
 
 
 def least_age_sum(scenario):
-    """The optimum: the least sum of ages over nodes and slots.
+    """The optimum: the least sum of ages over nodes and slots, where those are whole."""
+    return round(least_sum_over_time(scenario))
+
+
+def least_sum_over_time(scenario):
+    """The optimum: the least sum of ages over nodes and slots, or over time.
 
     States of the world are alike if cells, moves that are not over, ages and energies, those of
     batteries too, are.
@@ -95,4 +100,4 @@ def least_age_sum(scenario):
         order = np.lexsort((state.age_sum, *same.T))
         differs = (same[order][1:] != same[order][:-1]).any(axis=1)
         state = State(*(array[order[np.append(True, differs)]] for array in state))
-    return round(float(state.age_sum.min()) * scenario.num_nodes)
+    return float(state.age_sum.min()) * scenario.num_nodes
