@@ -1,8 +1,10 @@
 """The bundled scenarios: all there, all whole, all the same after a round trip."""
 
 import itertools
+import re
 
 import pytest
+import yaml
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -22,7 +24,8 @@ MULTI = [
     ),
 ]
 RANDOM = [name.replace("best", "random") for name in PAPER if name.startswith("best")]
-EXPECTED = [*PAPER, *MULTI, *RANDOM]
+SEA = ["sea/bay"]
+EXPECTED = [*PAPER, *MULTI, *RANDOM, *SEA]
 
 
 def test_list_is_complete():
@@ -40,6 +43,32 @@ def test_is_what_its_name_says(name):
     assert scenario.reward.kind == {"paper": "paper", "best": "mean_age"}[family]
     assert scenario.num_slots == 100
     assert scenario.description
+
+
+def _numbers(node, key=""):
+    """Keys of a YAML file whose values are numbers, or lists of them."""
+    for name, value in node.items():
+        if isinstance(value, dict):
+            yield from _numbers(value, name)
+        elif not isinstance(value, str | bool | type(None)):
+            yield name
+
+
+@pytest.mark.parametrize("name", SEA)
+def test_of_the_sea_says_where_every_number_is_from(name):
+    """Its source in brackets, of those listed above, or that it is assumed or derived."""
+    file = bundled_root() / f"{name}.yaml"
+    text = file.read_text(encoding="utf-8")
+    world = text[: text.index("\nreward:")]
+    sources = set(re.findall(r"^#   \[(\w)\] ", text, re.MULTILINE))
+    assert "A" in sources
+    lines = world.splitlines()
+    for key in _numbers(yaml.safe_load(world)):
+        at = next(i for i, line in enumerate(lines) if re.search(rf"\b{key}:", line))
+        beside = lines[at] if "#" in lines[at] else lines[at - 1]
+        found = re.findall(r"\[(\w)\]", beside.partition("#")[2])
+        told = set(found) & sources or "paper" in beside
+        assert told, f"{key}: {lines[at]}"
 
 
 @pytest.mark.parametrize("name", MULTI)

@@ -19,7 +19,9 @@ from iout_marl.scenario.reference import keys, keys_of_kind, text_of
 from iout_marl.scenario.yaml_values import read_yaml
 
 SCHEMA = json_schema()
-FILES = sorted([*bundled_root().glob("*.yaml"), *bundled_root().glob("multi/*.yaml")])
+FILES = sorted(
+    file for folder in ("", "multi/", "sea/") for file in bundled_root().glob(f"{folder}*.yaml")
+)
 ROLES = [registry for registry in registries() if registry.base and hasattr(registry.base, "check")]
 KINDS = [entry for registry in ROLES for entry in registry]
 #: Keywords that say something about a value; all others describe.
@@ -58,6 +60,7 @@ def fits(value, schema):
         "minimum": lambda limit: not is_number or value >= limit,
         "maximum": lambda limit: not is_number or value <= limit,
         "exclusiveMinimum": lambda limit: not is_number or value > limit,
+        "exclusiveMaximum": lambda limit: not is_number or value < limit,
         "minItems": lambda limit: not isinstance(value, list) or len(value) >= limit,
         "maxItems": lambda limit: not isinstance(value, list) or len(value) <= limit,
         "maxLength": lambda limit: not isinstance(value, str) or len(value) <= limit,
