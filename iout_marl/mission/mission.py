@@ -28,7 +28,8 @@ class Action:
         auv, slot, node: counted from 1.
         kind: "charge", or "hear" for asking the node for its packet.
         start_s, end_s: since the mission began.
-        cell: where the AUV is meant to be, the cell that it reaches within the slot.
+        position: where the AUV is meant to be at the end of the slot, in cells: under way between
+            the two. The energy is that in the cell which it then still leaves.
         energy_j: that the node harvests, or spends on the uplink.
         delivered: whether the packet is expected to arrive; None where none is asked for.
     """
@@ -39,7 +40,7 @@ class Action:
     node: int
     start_s: float
     end_s: float
-    cell: tuple[int, int, int]
+    position: tuple[float, float, float]
     energy_j: float
     delivered: bool | None
 
@@ -96,9 +97,10 @@ class Mission:
         """
         _check_same_grid(recording, scenario)
         place = Place(scenario.grid)
-        speed = None if scenario.episode.slot_s is None else scenario.auvs.speed_m_per_s
+        # What is begun and given up is not in a plan.
+        positions = recording.positions(only_arriving=True)
         routes = tuple(
-            Route.from_path(auv + 1, recording.path[:, auv], place, recording.slot_s, speed)
+            Route.from_path(auv + 1, positions[:, auv], place, recording.slot_s)
             for auv in range(recording.num_auvs)
         )
         return cls(
@@ -116,7 +118,7 @@ class Mission:
                 action
                 for slot in range(recording.slots)
                 for auv in range(recording.num_auvs)
-                for action in _actions(recording, slot, auv)
+                for action in _actions(recording, slot, auv, positions[slot + 1, auv])
             ),
         )
 
@@ -175,8 +177,10 @@ def _checked_start(start: datetime | None, duration_s: float) -> datetime:
     return utc
 
 
-def _actions(recording: Recording, slot: int, auv: int) -> Iterator[Action]:
-    """What an AUV does in a slot, from 0.
+def _actions(
+    recording: Recording, slot: int, auv: int, position: npt.NDArray[np.float64]
+) -> Iterator[Action]:
+    """What an AUV does in a slot, from 0, at a position.
 
     A part of it for which there is no time is none, nor is one in which it names nobody.
 
@@ -187,7 +191,7 @@ def _actions(recording: Recording, slot: int, auv: int) -> Iterator[Action]:
     beta = float(recording.beta[slot, auv])
     turn_s = begins_s + beta * recording.slot_s
     charged = int(recording.charged[slot, auv])
-    x, y, z = recording.path[slot + 1, auv].tolist()
+    x, y, z = position.tolist()
     if charged:
         until_s = turn_s if recording.splits_slot else ends_s
         energy_j = float(recording.harvested_j[slot, auv])

@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from iout_marl.mission.geography import Place
 
+_STEP_DIGITS = 9
+
 
 @dataclass(frozen=True)
 class Waypoint:
@@ -50,24 +52,16 @@ class Route:
     def from_path(
         cls,
         auv: int,
-        path: npt.NDArray[np.int64],
+        positions: npt.NDArray[np.float64],
         place: Place,
         slot_s: float,
-        speed_m_per_s: float | None = None,
     ) -> Route:
-        """The way through the (slots + 1, 3) cells in which the AUV is before and after each slot.
+        """The way through (slots + 1, 3) positions before and after each slot, in cells.
 
         Successive slots with the same step are one straight run, those without a step one stay.
-        Where moves may take several slots, `speed_m_per_s` says how many: in a path they are made
-        in the last of them, here in all.
         """
-        steps, local = np.diff(path, axis=0).astype(np.float64), place.local(path)
-        if speed_m_per_s is not None:
-            lengths_m = np.linalg.norm(np.diff(local, axis=0), axis=1)
-            slots = np.ceil(lengths_m / (speed_m_per_s * slot_s) * (1 - 1e-9)).astype(np.int64)
-            for slot in np.flatnonzero(slots > 1):
-                first = slot + 1 - slots[slot]
-                steps[first : slot + 1] = steps[slot] / slots[slot]
+        # Thirds of a cell are equally long but for roundings.
+        steps, local = np.diff(positions, axis=0).round(_STEP_DIGITS), place.local(positions)
         turns = np.flatnonzero((steps[1:] != steps[:-1]).any(axis=1)) + 1
         bounds = [0, *turns.tolist(), len(steps)]
         waypoints = [Waypoint(_triple(local[0]), 0.0, 0.0, 0.0)]

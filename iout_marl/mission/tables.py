@@ -72,7 +72,7 @@ def actions_json(mission: Mission) -> str:
 
 
 def _actions(mission: Mission) -> list[dict[str, Any]]:
-    local = mission.place.local([action.cell for action in mission.actions])
+    local = mission.place.local([action.position for action in mission.actions])
     return [
         {
             "auv": action.auv,

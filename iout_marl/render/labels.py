@@ -40,6 +40,13 @@ def energy_text(energy_j: float) -> str:
     return f"{energy_j / unit_j:.3g} {unit}"
 
 
+def total_energy_text(energy_j: float) -> str:
+    """A total that grows, in kJ of two digits; one that would be 0.00 kJ, as `energy_text`."""
+    if 0 < energy_j < 10:
+        return energy_text(energy_j)
+    return f"{number_text(energy_j / 1000, 2)} kJ"
+
+
 def number_text(value: float, digits: int = 0) -> str:
     """A number that is not negative; a very large one by its first digits."""
     return f"{value:.{digits}f}" if value < 1e5 else f"{value:.3g}"

@@ -54,11 +54,11 @@ def place_nodes(cells: Integers, smallest: float) -> tuple[Floats, Floats]:
     return centres, np.maximum(radii, smallest)
 
 
-def place_auvs(cells: Integers, node_cells: Integers, up: float) -> tuple[Floats, Floats]:
+def place_auvs(cells: Floats, node_cells: Integers, up: float) -> tuple[Floats, Floats]:
     """Places of the AUVs: above the nodes of their cell, and one above the other.
 
     Args:
-        cells: (auvs, 2) as seen.
+        cells: (auvs, 2) as seen, of those under way between two.
         node_cells: (nodes, 2) as seen.
         up: the upward direction of the second axis, 1 or −1.
 
@@ -73,7 +73,7 @@ def place_auvs(cells: Integers, node_cells: Integers, up: float) -> tuple[Floats
     return centres, np.where(beside_node | (size > 1), 0.8, 1.0)
 
 
-def _ranks(cells: Integers) -> tuple[Integers, Integers]:
+def _ranks(cells: Integers | Floats) -> tuple[Integers, Integers]:
     """For each row of `cells`, how many equal rows come before it, and how many there are."""
     _, group, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     group = group.reshape(-1)

@@ -12,22 +12,29 @@ from rich.cells import cell_len
 
 from iout_marl.render import style
 from iout_marl.render.hull import hull_path
-from iout_marl.render.labels import energy_text, energy_unit, number_text, shortened
+from iout_marl.render.labels import (
+    energy_text,
+    energy_unit,
+    number_text,
+    shortened,
+    total_energy_text,
+)
 from iout_marl.render.layout import axis_top, round_step
 from iout_marl.render.panel import Panel
 from iout_marl.render.projection import FROM_ABOVE, FROM_THE_SIDE, Projection
 from iout_marl.render.scene import Scene
 from iout_marl.render.settings import drawing
-from iout_marl.render.snapshot import Floats, Integers, Snapshot
+from iout_marl.render.snapshot import Floats, Snapshot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_LEGENDS_A_ROW = 5
 _MOST_VALUES = 14  # nodes whose numbers fit above their bars
 
 
 def as_picture(
-    snapshot: Snapshot, trail: Integers | None = None, energies_to_j: float = 0.0
+    snapshot: Snapshot, trail: Floats | None = None, energies_to_j: float = 0.0
 ) -> npt.NDArray[np.uint8]:
     """The environment as pixels, (600, 960, 3).
 
@@ -38,7 +45,8 @@ def as_picture(
 
     Args:
         snapshot: what is shown.
-        trail: (places, auvs, 3) cells where the AUVs were in the slots before; None for no trail.
+        trail: (places, auvs, 3) where the AUVs were in the slots before, in cells; None for no
+            trail.
         energies_to_j: an energy that the axis of energies has room for, as that beside it does.
     """
     title = shortened(snapshot.title, 42)
@@ -57,6 +65,10 @@ def as_picture(
                 energy_top_j=axis_top(np.append(s.energies_j, energies_to_j), s.energy_yardstick_j),
                 yardstick_j=s.energy_yardstick_j,
                 yardstick_text=s.yardstick_text,
+                has_battery=s.battery is not None,
+                has_docks=s.docks is not None,
+                takes_slots=s.transit_slots is not None,
+                can_sleep=s.capacity_j is not None,
             ),
         )
 
@@ -72,6 +84,7 @@ class _Frame:
         num_nodes: how many bars there are.
         age_top: the upper end of the axis of ages in slots, which is none if A_max is 1.
         energy_top_j, yardstick_j: the upper end of the axis of energies, and the full gauge.
+        has_battery, has_docks, takes_slots, can_sleep: what else the legend has to explain.
     """
 
     title: str
@@ -83,6 +96,10 @@ class _Frame:
     energy_top_j: float
     yardstick_j: float
     yardstick_text: str
+    has_battery: bool
+    has_docks: bool
+    takes_slots: bool
+    can_sleep: bool
 
     def energy_unit(self) -> tuple[float, str]:
         """The unit of the axis of energies, so that most are above 1 of it."""
@@ -114,7 +131,7 @@ def _new_figure() -> tuple[Figure, Any]:
     return figure, FigureCanvasAgg(figure)  # whose methods have no types
 
 
-def _draw(s: Snapshot, trail: Integers | None, frame: _Frame) -> npt.NDArray[np.uint8]:
+def _draw(s: Snapshot, trail: Floats | None, frame: _Frame) -> npt.NDArray[np.uint8]:
     figure, canvas = _new_figure()
     colours = _age_colours()[_age_shades(s.ages, frame.age_top)]
     _draw_progress(figure, s)
@@ -157,7 +174,7 @@ def _background(frame: _Frame) -> npt.NDArray[np.uint8]:
         dashes: dict[str, Any] = {"linewidths": 0.9, "linestyles": [(0, (3, 2))], "zorder": 1.5}
         energies.panel.draw_across([frame.yardstick_j / unit_j], colors=style.INK, **dashes)
     energies.panel.title(f"Stored energy, {unit}", note)
-    _draw_legend(figure, frame.yardstick_j)
+    _draw_legend(figure, frame)
     canvas.draw()
     return np.asarray(canvas.buffer_rgba()).copy()
 
@@ -206,7 +223,7 @@ def _draw_progress(figure: Figure, s: Snapshot) -> None:
     _write_fact(figure, "slot", f"{number_text(s.slot)} / {number_text(s.num_slots)}")
     _write_fact(figure, "mean AoI, slots", number_text(s.mean_age, 1))
     _write_fact(figure, "Jain's index", f"{s.jain:.2f}")
-    _write_fact(figure, "harvested", f"{number_text(s.total_harvested_j / 1000, 2)} kJ")
+    _write_fact(figure, "harvested", total_energy_text(s.total_harvested_j))
     _draw_bar(figure, min(s.slot / max(s.num_slots, 1), 1.0), style.DATA)
 
 
@@ -293,13 +310,16 @@ class _Bars:
             )
 
 
-def _draw_legend(figure: Figure, yardstick_j: float) -> None:
+def _draw_legend(figure: Figure, frame: _Frame) -> None:
     from matplotlib.lines import Line2D
+    from matplotlib.patheffects import withStroke
+    from matplotlib.textpath import TextPath
+    from matplotlib.transforms import Affine2D
 
     def line(label: str, **options: Any) -> Line2D:
         return Line2D([], [], label=label, **options)
 
-    ring = f"ring: energy stored, closed at {energy_text(yardstick_j)}"
+    ring = f"ring: energy stored, closed at {energy_text(frame.yardstick_j)}"
     handles = [
         line("AUV at depth z", color="none", marker=hull_path(), ms=22, mfc=style.AUV, mec="none"),
         line("charging", color=style.ENERGY, alpha=0.45, lw=6.5),
@@ -307,11 +327,25 @@ def _draw_legend(figure: Figure, yardstick_j: float) -> None:
         line("no packet", color=style.FAILED, lw=1.6, ls=(0, (4, 2.5)), marker="X", ms=7),
         line(ring, color="none", marker="o", ms=10, mfc="white", mec=style.ENERGY, mew=2.5),
     ]
+    dots = {"lw": 1.5, "ls": style.COURSE, "marker": "o", "markevery": [1], "mfc": "none"}
+    frame_of_bar = withStroke(linewidth=5.5, foreground=style.INK)
+    letter = TextPath((0, 0), style.ASLEEP)
+    moon = letter.transformed(
+        Affine2D().translate(*-letter.get_extents().get_points().mean(axis=0))
+    )
+    block = {"marker": "s", "mec": style.INK}
+    more = {
+        line("battery", color=style.ENERGY, lw=4, path_effects=[frame_of_bar]): frame.has_battery,
+        line("under way to", color=style.AUV, ms=6, **dots): frame.takes_slots,
+        line("dock", color="none", ms=10, mfc=style.DOCK, **block): frame.has_docks,
+        line("asleep", color="none", marker=moon, ms=9, mfc=style.INK): frame.can_sleep,
+    }
+    handles += [handle for handle, is_shown in more.items() if is_shown]
     figure.legend(
         handles=handles,
         loc="lower left",
         bbox_to_anchor=(0.012, 0.005),
-        ncols=len(handles),
+        ncols=len(handles) if len(handles) <= _LEGENDS_A_ROW else -(-len(handles) // 2),
         frameon=False,
         fontsize=8,
         labelcolor=style.INK,

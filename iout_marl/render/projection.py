@@ -32,6 +32,7 @@ _MOST_CELL_PX = 90  # beyond which the cells of a small grid do not grow
 _NUMBER_SIZES = {1: 0.95, 2: 0.88, 3: 0.62, 4: 0.46}  # by digits, relative to the node's radius
 _LEAST_PT = 4.0  # below which a number or letter is left out
 _MOST_TAGS = 12  # AUVs that can carry a label without hiding everything else
+_LOW = 0.2  # share of a battery from which on its bar is that of failure
 _ASIDE = 0.3  # cells from the first place of a trail to the last, where an AUV has not moved
 
 
@@ -47,7 +48,7 @@ class View:
     Attributes:
         across, along: axes of the grid that run to the right and up (or down) the picture.
         up: 1 if the second one grows upwards, −1 if downwards.
-        labelled: whether AUVs carry their tags.
+        labelled: whether AUVs carry their tags and batteries, and nodes a mark while they sleep.
     """
 
     across: int
@@ -135,8 +136,10 @@ class Projection:
         auv_at += _drawn(auv_cells, self._edges) - auv_cells
         # In a wide grid AUVs are larger than a cell.
         auv_size = auv_size * max(0.92, 22 / self._cell_px)
+        self._draw_docks(scene)
         if len(scene.path) > 1:
             self._draw_trails(scene, node_at)
+        self._draw_courses(scene, auv_at)
         self._draw_charging(scene, node_at, auv_at)
         self._draw_packets(scene, node_at, auv_at)
         self._draw_nodes(scene, node_at, node_radius, node_colours)
@@ -172,6 +175,27 @@ class Projection:
             return
         start = {"marker": "o", "ms": 9, "mfc": "none", "mew": 1.3, "ls": "none"}
         self._panel.draw_line(*places[0].T, color=style.INK, zorder=2.1, **start)
+
+    def _draw_docks(self, scene: Scene) -> None:
+        """Frames around the cells in which AUVs are recharged."""
+        from matplotlib.patches import Rectangle
+
+        if scene.docks is None:
+            return
+        corners = _drawn(scene.docks[:, self._seen], self._edges) - 0.5 * self._edges
+        frames = [Rectangle(tuple(corner), *self._edges) for corner in corners.tolist()]
+        look = {"facecolor": style.DOCK, "edgecolor": style.INK, "linewidth": 1.2}
+        self._panel.draw_patches(frames, zorder=1.5, **look)
+
+    def _draw_courses(self, scene: Scene, auv_at: Floats) -> None:
+        """A dotted line from each AUV under way to the cell that it heads for."""
+        for auv, cell in scene.headings.items():
+            end = _drawn(cell[self._seen], self._edges)
+            colour = self._auv_colour(scene, auv)
+            line = {"color": colour, "linewidth": 1.5, "linestyle": style.COURSE, "zorder": 2.2}
+            self._panel.draw_line(*np.stack([auv_at[auv], end]).T, **line)
+            ring = {"marker": "o", "ms": 7, "mfc": "none", "mec": colour, "mew": 1.3}
+            self._panel.draw_line(*end, ls="none", zorder=2.2, **ring)
 
     def _draw_charging(self, scene: Scene, node_at: Floats, auv_at: Floats) -> None:
         charging = [link for link in scene.links if link.what is Passed.CHARGE]
@@ -229,6 +253,18 @@ class Projection:
         ):
             look = {"facecolor": face, "edgecolor": edge, "linewidth": 0.5}
             self._panel.draw_patches(patches, zorder=zorder, **look)
+        for node in scene.asleep if self._view.labelled else ():
+            (x, y), off = node_at[node], 0.95 * node_radius[node]
+            self._panel.write(
+                x - off,
+                y + self._view.up * off,
+                style.ASLEEP,
+                fontsize=9,
+                color=style.INK,
+                va="center_baseline",
+                zorder=3.4,
+                bbox={"boxstyle": "circle,pad=0.06", "fc": "white", "ec": "none", "alpha": 0.8},
+            )
         luminance = node_colours[:, :3] @ (0.299, 0.587, 0.114)
         for node, (x, y) in enumerate(node_at):
             share_of_radius = _NUMBER_SIZES[min(len(str(node + 1)), 4)]
@@ -245,15 +281,39 @@ class Projection:
             PathPatch(shape.transformed(Affine2D().scale(length).translate(x, y)))
             for (x, y), length in zip(auv_at, auv_size, strict=True)
         ]
-        colours = [style.AUV] * scene.num_auvs
-        if len(scene.path) > 1 and scene.num_auvs > 1:
-            colours = [style.auv_colour(auv) for auv in range(scene.num_auvs)]
+        colours = [
+            style.FAILED if auv in scene.stranded else self._auv_colour(scene, auv)
+            for auv in range(scene.num_auvs)
+        ]
         look = {"edgecolor": "white", "linewidth": 1, "joinstyle": "round"}
         self._panel.draw_patches(hulls, facecolor=colours, zorder=4, **look)
         for auv, ((x, y), length) in enumerate(zip(auv_at, auv_size, strict=True)):
             if scene.num_auvs > 1:
                 size_pt = 0.27 * length * self._cell_px * style.PT_PER_PX
                 self._write_within(x, y, auv_name(auv), size_pt, color="white", zorder=4.1)
+        if scene.battery is not None and self._view.labelled:
+            self._draw_batteries(scene.battery, auv_at, auv_size)
+
+    def _draw_batteries(self, battery: Floats, auv_at: Floats, auv_size: Floats) -> None:
+        """A bar above each AUV, as full as its battery."""
+        from matplotlib.patches import Rectangle
+
+        height = 4 / self._cell_px
+        frames, bars = [], []
+        for (x, y), length, share in zip(auv_at, auv_size, battery.tolist(), strict=True):
+            width = 0.9 * length
+            above = y + self._view.up * (0.22 * length + 0.5 * height)
+            corner = (x - width / 2, above - height / 2)
+            frames.append(Rectangle(corner, width, height))
+            bars.append(Rectangle(corner, share * width, height))
+        frame = {"facecolor": "white", "edgecolor": style.INK, "linewidth": 0.7}
+        self._panel.draw_patches(frames, zorder=4.15, **frame)
+        colours = [style.ENERGY if share > _LOW else style.FAILED for share in battery]
+        self._panel.draw_patches(bars, facecolor=colours, linewidth=0, zorder=4.16)
+
+    def _auv_colour(self, scene: Scene, auv: int) -> str:
+        is_one_of_several = len(scene.path) > 1 and scene.num_auvs > 1
+        return style.auv_colour(auv) if is_one_of_several else style.AUV
 
     def _write_within(self, x: float, y: float, text: str, size_pt: float, **options: Any) -> None:
         """Write on a node or an AUV, if it is large enough."""
@@ -264,7 +324,7 @@ class Projection:
     def _draw_tags(self, scene: Scene, node_at: Floats, auv_at: Floats) -> None:
         """Beside each AUV its tag, for AUVs of one column in one."""
         lines = [(auv_at[link.auv], node_at[link.node]) for link in scene.links]
-        columns: dict[tuple[int, int], list[int]] = {}
+        columns: dict[tuple[float, float], list[int]] = {}
         for auv, (x, y, _) in enumerate(scene.auvs.tolist()):
             columns.setdefault((x, y), []).append(auv)
         for auvs in columns.values():

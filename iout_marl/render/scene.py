@@ -6,13 +6,13 @@ report's trajectories. `iout_marl.report.trajectory_3d` draws it in space.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
 
-from iout_marl.render.snapshot import Floats, Integers, Snapshot
+from iout_marl.render.snapshot import Flags, Floats, Integers, Snapshot
 from iout_marl.scenario.spacing import Edges
 
 
@@ -48,51 +48,72 @@ class Scene:
     Attributes:
         grid_shape: cells along x, y and z.
         nodes: (nodes, 3) cells.
-        path: (places, auvs, 3) cells, where the AUVs were slot by slot, and last where they are.
+        path: (places, auvs, 3) where the AUVs were slot by slot, and last where they are, in cells:
+            under way between two.
         links: what passes in the current slot.
         earlier: what passed in the slots before.
         charge: (nodes,) share of a full gauge of energy, from 0 to 1; None where it is not shown.
         tags: what stands beside each AUV; empty for nothing.
         from_start: whether the path begins where the episode does.
         edges_m: edges of a cell along x, y and z.
+        docks: (docks, 3) cells in which AUVs are recharged.
+        headings: of AUVs under way, from 0, the cells that they go to.
+        battery: (auvs,) share of it that each AUV has; None where it is not shown.
+        stranded: AUVs, from 0, that can do nothing.
+        asleep: nodes, from 0, that sleep.
     """
 
     grid_shape: tuple[int, int, int]
     nodes: Integers
-    path: Integers
+    path: Floats
     links: tuple[Link, ...] = ()
     earlier: tuple[Link, ...] = ()
     charge: Floats | None = None
     tags: tuple[str, ...] = ()
     from_start: bool = True
     edges_m: Edges = (1.0, 1.0, 1.0)
+    docks: Integers | None = None
+    headings: Mapping[int, Integers] = field(default_factory=dict)
+    battery: Floats | None = None
+    stranded: frozenset[int] = frozenset()
+    asleep: frozenset[int] = frozenset()
 
     @classmethod
-    def from_snapshot(cls, snapshot: Snapshot, trail: Integers | None = None) -> Scene:
-        """The slot of a snapshot: depths beside the AUVs, and in TDD their β.
+    def from_snapshot(cls, snapshot: Snapshot, trail: Floats | None = None) -> Scene:
+        """The slot of a snapshot: depths beside the AUVs, in TDD their β, and what they have left.
 
         Args:
             snapshot: the slot.
-            trail: (places, auvs, 3) cells where the AUVs were before, as far as that is shown.
+            trail: (places, auvs, 3) where the AUVs were before, as far as that is shown.
         """
         links = [Link(Passed.CHARGE, 0, auv, node) for auv, node in snapshot.charging()]
         links += [
             Link(Passed.PACKET if arrived else Passed.LOSS, 0, auv, node)
             for auv, node, arrived in snapshot.hearing()
         ]
-        depths = [f"z {z}" for z in snapshot.auv_positions[:, 2]]
+        places, under_way = snapshot.auv_places, snapshot.under_way
+        tags = [f"z {z:.3g}" for z in places[:, 2]]
         if snapshot.splits_slot and snapshot.beta is not None:
-            depths = [f"{z}  β {b:.2f}" for z, b in zip(depths, snapshot.beta, strict=True)]
-        here = snapshot.auv_positions[None]
+            tags = [f"{tag}  β {b:.2f}" for tag, b in zip(tags, snapshot.beta, strict=True)]
+        if snapshot.battery is not None:
+            tags = [f"{tag}  {left:.0%}" for tag, left in zip(tags, snapshot.battery, strict=True)]
+        tags = [f"{tag}  {snapshot.condition(auv)}".rstrip() for auv, tag in enumerate(tags)]
+        headings = {} if snapshot.headings is None else dict(enumerate(snapshot.headings))
+        here = places[None]
         return cls(
             grid_shape=snapshot.grid_shape,
             nodes=snapshot.node_positions,
             path=here if trail is None else np.concatenate([trail, here]),
             links=tuple(links),
             charge=np.minimum(snapshot.energies_j / snapshot.energy_yardstick_j, 1.0),
-            tags=tuple(depths),
+            tags=tuple(tags),
             from_start=False,
             edges_m=snapshot.edges_m,
+            docks=snapshot.docks,
+            headings={auv: to for auv, to in headings.items() if under_way[auv]},
+            battery=snapshot.battery,
+            stranded=_which(snapshot.stranded),
+            asleep=_which(snapshot.asleep),
         )
 
     @classmethod
@@ -134,16 +155,21 @@ class Scene:
         return cls(
             grid_shape=(x, y, z),
             nodes=np.array(nodes, dtype=np.int64).reshape(-1, 3),
-            path=np.array(path, dtype=np.int64),
+            path=np.array(path, dtype=np.float64),
             earlier=tuple(links),
             edges_m=edges_m,
         )
 
     @property
-    def auvs(self) -> Integers:
-        """(auvs, 3) cells where the AUVs are."""
+    def auvs(self) -> Floats:
+        """(auvs, 3) where the AUVs are, in cells."""
         return self.path[-1]
 
     @property
     def num_auvs(self) -> int:
         return self.path.shape[1]
+
+
+def _which(flags: Flags | None) -> frozenset[int]:
+    """Where flags are set, from 0."""
+    return frozenset(() if flags is None else np.flatnonzero(flags).tolist())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +50,12 @@ class Snapshot:
     edges_m: tuple[float, float, float] = (1.0, 1.0, 1.0)  # m: edges of a cell along x, y and z
     capacity_j: float | None = None  # J: the most that a node stores; None for no limit
     battery: Floats | None = None  # (auvs,) share of it that is left; None without end of energy
+    headings: Integers | None = None  # (auvs, 3) cells that AUVs under way go to, own of others
+    transit_slots: Integers | None = None  # (auvs,) slots until moves end; 0 for nobody under way
+    progress: Floats | None = None  # (auvs,) share of it that is over, else 0
+    docks: Integers | None = None  # (docks, 3) cells in which AUVs are recharged
+    stranded: Flags | None = None  # (auvs,) whether the battery was empty in the last slot
+    asleep: Flags | None = None  # (nodes,) which slept through it; None where none can
     polled: Integers | None = None  # (auvs, rounds) nodes polled beside, in their order
     polled_delivered: Flags | None = None  # (auvs, rounds) whether their packets arrived
 
@@ -88,6 +95,10 @@ class Snapshot:
             delivered=None if events is None else np.array(events.delivered[env], dtype=np.bool_),
             beta=None if events is None else np.array(events.beta[env], dtype=np.float64),
             battery=battery_shares(world, state, env),
+            **_transit(world, state, env, coordinates),
+            docks=docks_of(world),
+            stranded=_stranded(world, events, env),
+            asleep=None if events is None else sleeping(world, events, env),
             polled=None if events is None else np.array(events.polled[env], dtype=np.int64),
             polled_delivered=None
             if events is None
@@ -111,6 +122,34 @@ class Snapshot:
     @property
     def num_auvs(self) -> int:
         return len(self.auv_positions)
+
+    @property
+    def auv_places(self) -> Floats:
+        """(auvs, 3) where AUVs are drawn, in cells: under way between the two."""
+        if self.headings is None or self.progress is None:
+            return self.auv_positions.astype(np.float64)
+        return self.auv_positions + (self.headings - self.auv_positions) * self.progress[:, None]
+
+    @property
+    def under_way(self) -> Flags:
+        """(auvs,) which are on a move that is not over."""
+        if self.transit_slots is None:
+            return np.zeros(self.num_auvs, dtype=np.bool_)
+        return self.transit_slots > 0
+
+    @property
+    def docked(self) -> Flags:
+        """(auvs,) which lie in a dock, and are recharged."""
+        if self.docks is None:
+            return np.zeros(self.num_auvs, dtype=np.bool_)
+        in_dock = (self.auv_positions[:, None] == self.docks[None]).all(axis=-1).any(axis=-1)
+        return in_dock & ~self.under_way
+
+    def condition(self, auv: int) -> str:
+        """What keeps an AUV from its work, in a word or two; empty for nothing."""
+        if self.stranded is not None and self.stranded[auv]:
+            return "stranded"
+        return "in dock" if self.docked[auv] else ""
 
     @property
     def num_nodes(self) -> int:
@@ -174,6 +213,36 @@ def battery_shares(world: World, state: State, env: int) -> Floats | None:
         return None
     shares = np.array(state.battery_j[env], dtype=np.float64) / world.vehicle.capacity_j
     return np.clip(shares, 0.0, 1.0)
+
+
+def docks_of(world: World) -> Integers | None:
+    """(docks, 3) cells, counted from 1, in which AUVs are recharged; None where there are none."""
+    docks = world.vehicle.docks if world.vehicle.is_limited else ()
+    return np.array(docks, dtype=np.int64).reshape(-1, 3) if docks else None
+
+
+def sleeping(world: World, events: Events, env: int) -> Flags | None:
+    """Which nodes of an environment slept in a slot, (nodes,); None where stores have no limits."""
+    if not world.storage.is_limited:
+        return None
+    return np.array(world.storage.sleeps(events.available_j[env]), dtype=np.bool_)
+
+
+def _stranded(world: World, events: Events | None, env: int) -> Flags | None:
+    if events is None or not world.vehicle.is_limited:
+        return None
+    return np.array(events.stranded[env], dtype=np.bool_)
+
+
+def _transit(world: World, state: State, env: int, coordinates: Integers) -> dict[str, Any]:
+    """Where AUVs under way go to, and how far they are."""
+    if not world.motion.takes_slots:
+        return {}
+    return {
+        "headings": coordinates[world.motion.heading(state)[env]],
+        "transit_slots": np.array(state.transit_slots[env], dtype=np.int64),
+        "progress": np.array(world.motion.progress(state)[env], dtype=np.float64),
+    }
 
 
 def _drawable(values: npt.ArrayLike) -> Floats:

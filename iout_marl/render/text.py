@@ -8,8 +8,15 @@ from collections import defaultdict
 
 from rich.cells import cell_len, set_cell_size
 
-from iout_marl.render.labels import auv_name, energy_text, number_text, shortened
+from iout_marl.render.labels import (
+    auv_name,
+    energy_text,
+    number_text,
+    shortened,
+    total_energy_text,
+)
 from iout_marl.render.snapshot import Integers, Snapshot
+from iout_marl.words import counted
 
 MAX_COLUMNS = 100
 MAX_MAP_ROWS = 40
@@ -67,7 +74,7 @@ def _header(s: Snapshot) -> str:
             f"slot {s.slot}/{s.num_slots}",
             f"mean AoI {number_text(s.mean_age, 2)}",
             f"Jain {s.jain:.2f}",
-            f"harvested {number_text(s.total_harvested_j / 1000, 2)} kJ",
+            f"harvested {total_energy_text(s.total_harvested_j)}",
         ]
     )
 
@@ -136,6 +143,9 @@ def _auv_table(s: Snapshot, names: list[str]) -> list[str]:
     for auv, name in enumerate(names[:MAX_AUVS]):
         asked: list[tuple[int | None, bool]] = [*heard[auv]] or [(None, False)]
         words = [f"AUV {name:<2} {_cell(s.auv_positions[auv]):<12}"]
+        if s.transit_slots is not None and s.headings is not None and s.under_way[auv]:
+            left = counted(int(s.transit_slots[auv]), "slot")
+            words.append(f"to {_cell(s.headings[auv])} in {left}")
         if s.heard is not None:
             chosen, arrived = asked[0]
             polled = heard[auv][1:]
@@ -149,8 +159,10 @@ def _auv_table(s: Snapshot, names: list[str]) -> list[str]:
         if s.splits_slot and s.beta is not None:
             words.append(f"beta {s.beta[auv]:.2f}")
         if s.battery is not None:
-            left = s.battery[auv]
-            words.append(f"battery {left:.0%}" if left > 0 else "battery empty")
+            share = s.battery[auv]
+            words.append(f"battery {share:.0%}" if share > 0 else "battery empty")
+        if condition := s.condition(auv):
+            words.append(condition)
         lines.append("  ".join(words))
     if s.num_auvs > MAX_AUVS:
         lines.append(f"… and {s.num_auvs - MAX_AUVS} more AUVs")
@@ -187,9 +199,12 @@ def _marks(s: Snapshot, node: int, names: list[str]) -> str:
             names[auv] for auv, other, arrived in s.hearing() if other == node and arrived
         ],
     }
-    return "  ".join(
+    marks = [
         f"{what} {','.join(by)}" if s.num_auvs > 1 else what for what, by in done.items() if by
-    )
+    ]
+    if s.asleep is not None and s.asleep[node]:
+        marks.append("asleep")
+    return "  ".join(marks)
 
 
 def _cell(position: Integers) -> str:

@@ -38,7 +38,7 @@ def frame(recordings: Sequence[Recording], place: int) -> Frame:
     # Side by side, energies have one axis.
     most_j = max(float(np.max(shown.energies_j)) for shown in snapshots)
     trails = [
-        each.path[max(at - TRAIL_SLOTS, 0) : at]
+        each.positions()[max(at - TRAIL_SLOTS, 0) : at]
         for each, at in zip(recordings, places, strict=True)
     ]
     pictures = [

@@ -43,8 +43,14 @@ ARRAYS = {
     "ages": _Array(("slots + 1", "nodes"), float),
     "energy_j": _Array(("slots + 1", "nodes"), float),
 }
-#: Arrays of some episodes.
-OPTIONAL_ARRAYS = {"battery": _Array(("slots + 1", "auvs"), float, 0, 1)}
+#: Arrays of some episodes: where they are not written, nothing of their kind can be.
+OPTIONAL_ARRAYS = {
+    "battery": _Array(("slots + 1", "auvs"), float, 0, 1),
+    "heading": _Array(_PLACES, int, 1, "grid"),
+    "transit_slots": _Array(("slots + 1", "auvs"), int),
+    "docks": _Array(("docks", "axes"), int, 1, "grid"),
+    "asleep": _Array(("slots", "nodes"), bool),
+}
 _ROUNDS = ("slots", "auvs", "rounds")
 #: Of nodes polled beside the chosen ones; left out where there are none.
 POLLED = {
@@ -59,6 +65,7 @@ NUMBERS = {
     "num_slots": 1,
 }
 _MORE_THAN_LEAST = ("slot_s",)
+_WHOLE = ("num_slots",)
 _WORDS = {"i": "whole numbers", "b": "true and false", "fi": "numbers"}
 _KEYS = {"format", "version", "seed", "grid", "spacing_m", "splits_slot", "reasons"}
 _KEYS |= {*TEXTS, *NUMBERS, *ARRAYS}
@@ -98,11 +105,13 @@ class Reader:
 
     def number(self, name: str, least: float) -> float:
         value = self._data[name]
-        is_open = name in _MORE_THAN_LEAST
-        if not is_number(value, least, _LARGEST) or (is_open and value == least):
+        is_open, is_whole = name in _MORE_THAN_LEAST, name in _WHOLE
+        is_right = is_number(value, least, _LARGEST) and not (is_open and value == least)
+        if not is_right or (is_whole and value != int(value)):
+            kind = "whole number" if is_whole else "number"
             limit = f"{'above' if is_open else 'from'} {least:g}"
-            raise self.fault(name, f"must be a number {limit}, not {short(value)}")
-        return float(value)
+            raise self.fault(name, f"must be a {kind} {limit}, not {short(value)}")
+        return int(value) if is_whole else float(value)
 
     def capacity(self) -> float | None:
         """The most that a node stores; None where stores have no limit, and nothing is written."""
@@ -111,9 +120,14 @@ class Reader:
             raise self.fault("capacity_j", f"must be a number above 0, not {short(value)}")
         return None if value is None else float(value)
 
-    def battery(self, sizes: Mapping[str, int], grid: tuple[int, int, int]) -> Any:
-        """What AUVs have left; None where their energy has no end, and nothing is written."""
-        return None if self._data.get("battery") is None else self.array("battery", sizes, grid)
+    def optional_arrays(self, sizes: Mapping[str, int], grid: tuple[int, int, int]) -> Any:
+        """Those of `OPTIONAL_ARRAYS` that are written, by name."""
+        there = [name for name in OPTIONAL_ARRAYS if self._data.get(name) is not None]
+        if ("heading" in there) != ("transit_slots" in there):
+            found, lacking = ("heading", "transit_slots")[:: 1 if "heading" in there else -1]
+            raise self.fault(lacking, f"is missing, but {found} is there")
+        own = {"docks": self.length("docks")} if "docks" in there else {}
+        return {name: self.array(name, {**sizes, **own}, grid) for name in there}
 
     def spacing(self) -> Spacing:
         """The edge of a cell, or three."""

@@ -10,7 +10,7 @@ from iout_marl.core.reasons import Reason
 from iout_marl.errors import InputError
 from iout_marl.evaluation import play
 from iout_marl.policies import AnyPolicy, Policy, policy_for
-from iout_marl.render.snapshot import battery_shares
+from iout_marl.render.snapshot import battery_shares, docks_of, sleeping
 from iout_marl.replay.recording import Recording
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario, to_yaml
 from iout_marl.world import Events, State, World
@@ -43,12 +43,19 @@ class Recorder:
             "path": self._cells[state.cell[env]],
             "ages": np.array(state.age[env], dtype=np.float64),
             "energy_j": np.array(state.energy_j[env], dtype=np.float64),
-            **self._battery(state),
+            **self._of_vehicles(state),
         }
 
-    def _battery(self, state: State) -> dict[str, Any]:
-        battery = battery_shares(self._world, state, self._env)
-        return {} if battery is None else {"battery": battery}
+    def _of_vehicles(self, state: State) -> dict[str, Any]:
+        """What only some scenarios' AUVs have: a battery, moves over several slots."""
+        motion, env, found = self._world.motion, self._env, {}
+        battery = battery_shares(self._world, state, env)
+        if battery is not None:
+            found["battery"] = battery
+        if motion.takes_slots:
+            found["heading"] = self._cells[motion.heading(state)[env]]
+            found["transit_slots"] = np.array(state.transit_slots[env])
+        return found
 
     def add(self, events: Events, state: State) -> None:
         """Take a slot down.
@@ -64,6 +71,7 @@ class Recorder:
             for named in (np.array(events.charged[env]), np.array(events.heard[env]))
         )
         polled = np.array(events.polled[env])
+        asleep = sleeping(world, events, env)
         no_time = world.duplex.splits_slot & (beta == 0)
         own = {name: np.array(getattr(events, name)[env]) for name in _OF_EVENTS}
         self._slots.append(
@@ -85,6 +93,7 @@ class Recorder:
                     ],
                     polled.shape,
                 ).astype(np.int64),
+                **({"asleep": asleep} if asleep is not None else {}),
                 "rewards": np.array(world.reward(state, events)[env], dtype=np.float64),
             }
         )
@@ -131,6 +140,7 @@ class Recorder:
             maximum_age=float(scenario.age.maximum),
             reference_energy_j=float(world.representation.reference_energy_j),
             capacity_j=world.storage.capacity_j,
+            docks=docks_of(world),
             duplex=world.duplex.label,
             splits_slot=world.duplex.splits_slot,
             reasons=tuple(self._reasons),

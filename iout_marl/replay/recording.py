@@ -11,10 +11,19 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.core.age import jain_of
-from iout_marl.core.reasons import Reason
+from iout_marl.core.reasons import STRANDED, Reason
 from iout_marl.files import read_json, refuse_input, to_json, user_path, write_text
 from iout_marl.render import Snapshot
-from iout_marl.replay.reading import ARRAYS, FORMAT, NUMBERS, POLLED, TEXTS, VERSION, Reader
+from iout_marl.replay.reading import (
+    ARRAYS,
+    FORMAT,
+    NUMBERS,
+    OPTIONAL_ARRAYS,
+    POLLED,
+    TEXTS,
+    VERSION,
+    Reader,
+)
 from iout_marl.scenario.spacing import Spacing, edges_m
 
 Floats = npt.NDArray[np.float64]
@@ -48,7 +57,7 @@ class Recording:
         duplex, splits_slot: what the duplex part is called; whether β divides slots.
         reasons: why uplinks have failed; `outcome` counts them from 1.
         nodes: (nodes, 3) cells.
-        path: (slots + 1, auvs, 3) cells, the starts first.
+        path: (slots + 1, auvs, 3) cells, the starts first; of an AUV under way the one it leaves.
         left_grid, blocked: (slots, auvs) whether an AUV stayed at the edge of the grid, and
             whether because of another AUV.
         charged: (slots, auvs) node charged; 0 for nobody, or where the slot left no time for it.
@@ -66,6 +75,12 @@ class Recording:
         energy_j: (slots + 1, nodes) energy stored in J.
         battery: (slots + 1, auvs) share of its battery that each AUV has; None where their energy
             has no end.
+        heading: (slots + 1, auvs, 3) cells that AUVs under way go to, those of the others; None
+            where no move takes longer than a slot.
+        transit_slots: (slots + 1, auvs) slots until the move ends, 0 for nobody under way; None
+            likewise.
+        docks: (docks, 3) cells in which AUVs are recharged; None where there are none.
+        asleep: (slots, nodes) which nodes sleep; None where stores have no limits.
     """
 
     scenario: str
@@ -100,6 +115,10 @@ class Recording:
     energy_j: Floats
     capacity_j: float | None = None
     battery: Floats | None = None
+    heading: Integers | None = None
+    transit_slots: Integers | None = None
+    docks: Integers | None = None
+    asleep: Flags | None = None
 
     @property
     def slots(self) -> int:
@@ -123,6 +142,52 @@ class Recording:
     def polled_delivered(self) -> Flags:
         """(slots, auvs, rounds) whether the packet of the node polled arrived."""
         return (self.polled > 0) & (self.polled_outcome == 0)
+
+    @property
+    def stranded(self) -> Flags:
+        """(slots, auvs) whether the battery was empty, and the AUV did nothing."""
+        numbers = [i for i, reason in enumerate(self.reasons, 1) if reason.code == STRANDED.code]
+        return np.isin(self.outcome, numbers)
+
+    @property
+    def progress(self) -> Floats:
+        """(slots + 1, auvs) share of its move that each AUV under way has behind it, else 0."""
+        done = np.zeros(self.path.shape[:2])
+        if self.transit_slots is None:
+            return done
+        for place in range(1, len(done)):
+            done[place] = (done[place - 1] + 1) * (self.transit_slots[place] > 0)
+        return done / np.maximum(done + self.transit_slots, 1)
+
+    @property
+    def arrives(self) -> Flags:
+        """(slots + 1, auvs) whether the move that an AUV is on leads where it heads for.
+
+        One does not that is given up for want of energy, or stopped by another AUV; of one that
+        is not over in the end that is not known, and it counts.
+        """
+        arrives = np.ones(self.path.shape[:2], dtype=np.bool_)
+        if self.heading is None or self.transit_slots is None:
+            return arrives
+        for place in reversed(range(self.slots)):
+            is_there = (self.path[place + 1] == self.heading[place]).all(axis=-1)
+            arrives[place] = np.where(
+                self.transit_slots[place + 1] > 0, arrives[place + 1], is_there
+            )
+        return arrives
+
+    def positions(self, *, only_arriving: bool = False) -> Floats:
+        """(slots + 1, auvs, 3) where AUVs are, in cells: under way between the two.
+
+        The world counts one that is under way as in the cell of `path`.
+
+        Args:
+            only_arriving: leave out moves that lead nowhere, see `arrives`.
+        """
+        if self.heading is None:
+            return self.path.astype(np.float64)
+        share = self.progress * (self.arrives if only_arriving else 1.0)
+        return self.path + (self.heading - self.path) * share[..., None]
 
     @property
     def asked(self) -> Flags:
@@ -196,6 +261,12 @@ class Recording:
             delivered=self.delivered[slot] if place else None,
             beta=self.beta[slot] if place else None,
             battery=None if self.battery is None else self.battery[place],
+            headings=None if self.heading is None else self.heading[place],
+            transit_slots=None if self.transit_slots is None else self.transit_slots[place],
+            progress=None if self.transit_slots is None else self.progress[place],
+            docks=self.docks,
+            stranded=self.stranded[slot] if place and self.battery is not None else None,
+            asleep=self.asleep[slot] if place and self.asleep is not None else None,
             polled=self._named(self.polled[slot]) if place else None,
             polled_delivered=self.polled_delivered[slot] if place else None,
         )
@@ -228,7 +299,11 @@ class Recording:
             "splits_slot": self.splits_slot,
             "reasons": [[reason.code, reason.text] for reason in self.reasons],
             **({} if self.capacity_j is None else {"capacity_j": self.capacity_j}),
-            **({} if self.battery is None else {"battery": self.battery.tolist()}),
+            **{
+                name: getattr(self, name).tolist()
+                for name in OPTIONAL_ARRAYS
+                if getattr(self, name) is not None
+            },
             **arrays,
         }
 
@@ -263,7 +338,6 @@ class Recording:
         found: dict[str, Any] = {name: read.text(name) for name in TEXTS}
         found |= {name: read.number(name, least) for name, least in NUMBERS.items()}
         found["spacing_m"] = read.spacing()
-        found["num_slots"] = int(found["num_slots"])
         found |= {name: read.array(name, sizes, grid) for name in ARRAYS}
         sizes["rounds"] = read.rounds()
         found |= {name: read.array(name, sizes, grid) for name in POLLED}
@@ -281,6 +355,6 @@ class Recording:
             splits_slot=read.flag("splits_slot"),
             reasons=reasons,
             capacity_j=read.capacity(),
-            battery=read.battery(sizes, grid),
+            **read.optional_arrays(sizes, grid),
             **found,
         )

@@ -204,6 +204,12 @@ class Mover:
         target = lookup(self._xp, self.neighbour, at.cell * self._per_cell + at.course)
         return self._xp.where(at.transit_slots > 0, target, at.cell)
 
+    def progress(self, state: State) -> Array:
+        """Share of its move that each AUV under way has behind it, 0 for others: (envs, auvs)."""
+        index = state.cell * self._per_cell + state.course
+        done = 1 - state.transit_slots / lookup(self._xp, self._slots, index)
+        return self._xp.where(state.transit_slots > 0, done, 0.0)
+
     def targets(self, state: State, direction: Array) -> Array:
         """The cells that AUVs head for in a slot in which they name these: (envs, auvs)."""
         target = lookup(self._xp, self.neighbour, state.cell * self._per_cell + direction)

@@ -45,6 +45,9 @@ SCENARIOS = {
         "grid.spacing_m": [60, 80, 10],
         "episode.duration_s": 4000,
     },
+    # Moves over three slots, and over three cells in one.
+    "short": {"auvs": {"count": 3, "motion": "hover"}, "episode.slot_s": 9.5},
+    "long": {"auvs": {"count": 2, "motion": "hover"}, "episode.slot_s": 80},
     "tdd": {"duplex": {"kind": "tdd", "frequency_khz": 40}, "episode.duration_s": 1000},
 }
 CASES = [
@@ -53,16 +56,18 @@ CASES = [
     ("hover", "antimeridian"),
     ("quick", "north"),
     ("tdd", "north"),
+    ("short", "porto"),
+    ("long", "north"),
 ]
 
 
 @pytest.fixture(scope="module", params=CASES, ids="-".join)
 def planned(request):
-    """A mission, and the cells of each AUV before and after each slot of its episode."""
+    """A mission, and where each AUV is before and after each slot of its episode, in cells."""
     name, origin = request.param
     changes = {**SCENARIOS[name], "grid.origin": ORIGINS[origin]}
     scenario = load_scenario("paper/k3-fdd", changes)
-    path = np.array(record_episode(scenario, "random-walk", 3).path)
+    path = record_policy(scenario, "random-walk", 3).positions(only_arriving=True)
     return plan_mission(scenario, "random-walk", 3, START), path.swapaxes(0, 1)
 
 
@@ -102,7 +107,7 @@ def test_vehicles_are_where_and_when_they_were_in_the_episode(name, planned, tmp
         times, places = np.array(points)[:, 0], np.array(points)[:, 1:]
         assert (np.diff(times) >= 0).all()
         # Where it turns, stays, begins and ends.
-        steps = np.diff(path, axis=0)
+        steps = np.diff(path, axis=0).round(9)
         turns = np.flatnonzero((steps[1:] != steps[:-1]).any(axis=1)) + 1
         slots = [0, *turns, len(steps)]
         if name in ("csv", "geojson", "gpx", "kml"):
@@ -227,12 +232,47 @@ def test_straight_runs_are_one_leg_and_a_long_stay_is_one_stay():
 def test_a_move_over_several_slots_is_made_in_all_of_them():
     place = Place(load_scenario("paper/k3-fdd").grid)
     # Two cells of 25 s in slots of 10 s, a stay of one slot, and a cell across.
-    cells = [(1, 1, 1)] * 3 + [(2, 1, 1)] * 3 + [(3, 1, 1)] * 4 + [(3, 2, 1)]
-    route = Route.from_path(1, np.array(cells), place, 10.0, 4.0)
+    xs = [1, 4 / 3, 5 / 3, 2, 7 / 3, 8 / 3, 3, 3, 3, 3, 3]
+    ys = [1] * 8 + [4 / 3, 5 / 3, 2]
+    route = Route.from_path(1, np.stack([xs, ys, np.ones(11)], axis=-1), place, 10.0)
     found = [(w.local, w.arrival_s, w.hold_s) for w in route.waypoints]
     assert found == [((0, 0, 0), 0, 0), ((200, 0, 0), 60, 10), ((200, 100, 0), 100, 0)]
     speeds = [w.speed_m_per_s for w in route.waypoints]
     assert speeds == pytest.approx([0, 10 / 3, 10 / 3])
+
+
+#: AUVs are in one another's way.
+SMALL = {
+    "grid.cells": [3, 3, 2],
+    "auvs": {"count": 2, "start_cells": [[1, 1, 1], [3, 3, 2]]},
+    "nodes": {"kind": "fixed", "cells": [[2, 2, 1], [2, 2, 2], [1, 3, 1]]},
+}
+
+
+@pytest.mark.parametrize("slot_s", [10, 25, 60])
+def test_plans_have_the_cruising_speed_whatever_the_length_of_a_slot(slot_s):
+    changes = {"episode.slot_s": slot_s, **SMALL}
+    episode = record_policy("paper/k3-fdd", "random-walk", 3, overrides=changes)
+    mission = Mission.from_recording(episode, load_scenario("paper/k3-fdd", changes), START)
+    slots_a_cell, cells_a_slot = math.ceil(25 / slot_s), max(slot_s // 25, 1)
+    fastest = cells_a_slot * 100 / (slots_a_cell * slot_s)
+    for auv, route in enumerate(mission.routes):
+        runs = [waypoint.speed_m_per_s for waypoint in route.waypoints[1:]]
+        assert max(runs) == pytest.approx(fastest)
+        assert route.end_s == pytest.approx(episode.num_slots * slot_s)
+        # Who arrives is there at the end of the slot in which it does.
+        moments = np.array([(at, *route.local[i]) for at, i in route.moments()])
+        for place, cell in enumerate(episode.path[:, auv]):
+            if episode.transit_slots is None or not episode.transit_slots[place, auv]:
+                where = [
+                    np.interp(place * slot_s, moments[:, 0], axis) for axis in moments[:, 1:].T
+                ]
+                assert where == pytest.approx(100.0 * (cell - 1), abs=1e-6)
+    assert (slot_s == 10) == (episode.transit_slots is not None)
+    if slot_s == 10:
+        assert not episode.arrives.all(), "no move was stopped by another AUV"
+        # Acts are where the vehicle is meant to be, under way between two cells.
+        assert any(axis % 1 for action in mission.actions for axis in action.position)
 
 
 def test_a_recorded_loop_of_ones_own_is_a_mission(tmp_path):

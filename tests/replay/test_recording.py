@@ -2,12 +2,13 @@
 
 import copy
 import json
+import re
 from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pytest
-from batteries import BATTERY
+from batteries import BATTERY, DOCKS
 from polling import polling
 
 import iout_marl
@@ -234,6 +235,77 @@ def test_batteries_are_recorded_and_shown(tmp_path):
     assert '"battery":' in render_page([again])
 
 
+SEA = {
+    "episode.slot_s": 10,
+    "auvs.count": 2,
+    "vehicle": {**BATTERY, **DOCKS, "capacity_j": 3e5},
+    "storage": {"kind": "capacitor", "capacity_j": 300.0, "idle_w": 0.5},
+}
+
+
+@pytest.fixture(scope="module")
+def sea():
+    return record_policy("paper/k5-fdd", "random-walk", 1, overrides=SEA)
+
+
+def test_moves_docks_and_sleep_are_kept(sea, tmp_path):
+    sea.save(tmp_path / "e.json")
+    again = Recording.load(tmp_path / "e.json")
+    assert not same(sea, again)
+    # 25 s for a cell: three slots.
+    assert set(np.unique(again.transit_slots)) == {0, 1, 2}
+    assert set(np.unique(again.progress.round(3))) == {0, 0.333, 0.667}
+    way = again.positions() - again.path
+    assert ((way != 0).any(axis=-1) == (again.transit_slots > 0)).all()
+    assert np.abs(np.diff(again.positions(only_arriving=True), axis=0)).max() < 1 / 3 + 1e-9
+    assert again.docks.tolist() == DOCKS["docks"]
+    assert again.asleep.any(axis=0).all()
+    assert again.stranded.any()
+    assert not again.asleep.all()
+
+
+def test_a_snapshot_of_the_sea_is_that_of_the_world(sea):
+    world, docked = World("paper/k5-fdd", overrides=SEA), 0
+    for place, (state, events) in enumerate(play(world, make_baseline("random-walk"), 1)):
+        expected, found = Snapshot.from_world(world, state, events), sea.snapshot(place)
+        for name in ("headings", "transit_slots", "docks", "stranded", "asleep", "battery"):
+            assert np.array_equal(getattr(found, name), getattr(expected, name)), name
+        assert found.progress == pytest.approx(expected.progress)
+        assert found.auv_places == pytest.approx(sea.positions()[place])
+        docked += found.docked.sum()
+        text, words = as_text(found), [found.condition(auv) for auv in range(2)]
+        assert all(word in text for word in words)
+        assert text.count("asleep") == (0 if found.asleep is None else found.asleep.sum())
+        assert len(re.findall(r" to \d+,\d+,\d+ in \d slots?", text)) == found.under_way.sum()
+    assert docked > 0
+
+
+def test_a_move_that_is_stopped_leads_nowhere():
+    changes = {
+        "grid.cells": [2, 2, 1],
+        "auvs": {"count": 2, "start_cells": [[1, 1, 1], [2, 2, 1]]},
+        "nodes.cells": [[1, 1, 1], [1, 2, 1], [2, 1, 1]],
+        "episode.slot_s": 10,
+    }
+    recording = record_policy("paper/k3-fdd", "random-walk", overrides=changes)
+    arrives, under_way = recording.arrives, recording.transit_slots > 0
+    assert 0 < (under_way & ~arrives).sum() < under_way.sum()
+    for slot, auv in np.argwhere(recording.blocked):
+        assert not arrives[slot, auv] or not under_way[slot, auv]
+
+
+def test_recordings_of_before_know_nothing_of_it(data):
+    older = Recording.from_json(data)
+    assert older.heading is older.transit_slots is older.docks is older.asleep is None
+    assert older.positions().tolist() == older.path.tolist()
+    with pytest.raises(InputError, match="transit_slots is missing, but heading is there"):
+        Recording.from_json({**data, "heading": data["path"]})
+    with pytest.raises(InputError, match="heading is missing, but transit_slots is there"):
+        Recording.from_json({**data, "transit_slots": [[0]] * len(data["path"])})
+    with pytest.raises(InputError, match=r"docks\[1, 2\] is out of range: 99"):
+        Recording.from_json({**data, "docks": [[1, 99, 1]]})
+
+
 def test_without_batteries_none_is_recorded(data):
     assert "battery" not in data
     assert Recording.from_json(data).battery is None
@@ -360,6 +432,8 @@ FAULTS = {
 
 
 def test_slots_of_no_length_are_refused(data):
+    with pytest.raises(InputError, match=r"num_slots must be a whole number from 1, not 100.5$"):
+        Recording.from_json({**data, "num_slots": 100.5})
     with pytest.raises(InputError, match=r"slot_s must be a number above 0, not 0$"):
         Recording.from_json({**data, "slot_s": 0})
 
