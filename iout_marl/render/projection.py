@@ -32,7 +32,6 @@ _MOST_CELL_PX = 90  # beyond which the cells of a small grid do not grow
 _NUMBER_SIZES = {1: 0.95, 2: 0.88, 3: 0.62, 4: 0.46}  # by digits, relative to the node's radius
 _LEAST_PT = 4.0  # below which a number or letter is left out
 _MOST_TAGS = 12  # AUVs that can carry a label without hiding everything else
-_LOW = 0.2  # share of a battery from which on its bar is that of failure
 _ASIDE = 0.3  # cells from the first place of a trail to the last, where an AUV has not moved
 
 
@@ -308,7 +307,7 @@ class Projection:
             bars.append(Rectangle(corner, share * width, height))
         frame = {"facecolor": "white", "edgecolor": style.INK, "linewidth": 0.7}
         self._panel.draw_patches(frames, zorder=4.15, **frame)
-        colours = [style.ENERGY if share > _LOW else style.FAILED for share in battery]
+        colours = [style.ENERGY if share > style.LOW_BATTERY else style.FAILED for share in battery]
         self._panel.draw_patches(bars, facecolor=colours, linewidth=0, zorder=4.16)
 
     def _auv_colour(self, scene: Scene, auv: int) -> str:

@@ -40,6 +40,8 @@ COLOURS = (
 SLOTS = ("#7257cf", "#2f7fc4", "#1c9c83", "#62a52a", "#a89f06")
 #: Colours of several AUVs: green, purple, olive, sky, violet; none is the colour of what passes.
 AUVS = ("#009e73", "#c773a1", "#8f8500", "#2b9bd6", "#7257cf")
+#: Share of a battery from which on its bar has the colour of failure.
+LOW_BATTERY = 0.2
 #: Where AUVs are recharged, the way that one under way has before it, and a node that sleeps.
 DOCK, COURSE, ASLEEP = "#dbe3c8", (0, (1, 1.8)), "☾"
 #: A node whose age is not shown.

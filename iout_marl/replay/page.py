@@ -155,6 +155,20 @@ def _legend(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
         ("charge", "charging"),
         ("data", "packet arrived"),
         ("fail", "no packet"),
+        *_extra_legend(recordings),
+    ]
+
+
+def _extra_legend(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
+    """The marks of some scenarios."""
+    shown = [
+        ("battery", "battery of an AUV; red from 20 % on", [r.battery for r in recordings]),
+        ("course", "under way to", [r.transit_slots for r in recordings]),
+        ("dock", "dock", [r.docks for r in recordings]),
+        ("asleep", "node asleep", [r.asleep for r in recordings]),
+    ]
+    return [
+        (kind, text) for kind, text, values in shown if any(each is not None for each in values)
     ]
 
 
@@ -166,6 +180,7 @@ def _look() -> dict[str, Any]:
         "failed": style.FAILED,
         "chosen": style.FAILED,
         "auvs": style.AUVS,
+        "low": style.LOW_BATTERY,
         "trail": TRAIL_SLOTS,
         "hull": hull_svg(),
     }
@@ -202,6 +217,18 @@ def _episode(r: Recording) -> dict[str, Any]:
         "ages": _short(r.ages),
         "energies": _short(r.energy_j),
         **({} if r.battery is None else {"battery": _short(r.battery)}),
+        **({} if r.transit_slots is None else _moves(r)),
+        **({} if r.docks is None else {"docks": r.docks.tolist()}),
+        **({} if r.asleep is None else {"asleep": r.asleep.astype(int).ravel().tolist()}),
+    }
+
+
+def _moves(r: Recording) -> dict[str, Any]:
+    """Of moves that take several slots: where they are by now, how long they last, and where to."""
+    return {
+        "spots": _short(r.positions()),
+        "transit": np.array(r.transit_slots).ravel().tolist(),
+        "heading": np.array(r.heading).ravel().tolist(),
     }
 
 

@@ -1,11 +1,13 @@
 """A replay in a real browser: played, scrubbed, clicked, in light and dark, on a phone."""
 
 import io
+import math
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from batteries import BATTERY
 from PIL import Image
 from polling import polling
 from watched import DESKTOP, Watched
@@ -369,6 +371,89 @@ def test_nodes_that_are_polled_are_told_and_counted(browser, tmp_path):
     assert f"{arrived} of {asked} uplinks arrived" in page.locator(".tally").inner_text()
     assert watched.complaints == []
     watched.context.close()
+
+
+#: Two AUVs with batteries, which take three slots for a cell and soon lie still, and two docks.
+SEA = {
+    "episode": {"slot_s": 10, "duration_s": 10 * SLOTS},
+    "auvs": {"count": 2, "idle_choices": True},
+    "vehicle": {**BATTERY, "capacity_j": 1e5, "docks": [[5, 5, 2], [4, 5, 2]], "dock_power_w": 300},
+    "storage": {"kind": "capacitor", "capacity_j": 300.0, "idle_w": 0.5},
+}
+
+
+@pytest.fixture(scope="module")
+def sea(browser, tmp_path_factory):
+    """A page of AUVs with batteries that make moves over several slots, and its recording."""
+    recording = record_policy("paper/k5-fdd", "random-walk", 1, overrides=SEA)
+    path = tmp_path_factory.mktemp("sea") / "page.html"
+    path.write_text(render_page([recording]), encoding="utf-8")
+    watched = Watched(browser, path.as_uri(), color_scheme="light")
+    yield watched, recording
+    watched.context.close()
+
+
+def test_batteries_moves_and_docks_stand_in_every_slot(sea):
+    watched, recording = sea
+    page, said = watched.page, set()
+    page.keyboard.press("Home")
+    for slot in range(recording.slots):
+        page.keyboard.press("ArrowRight")
+        for auv, text in enumerate(rows(page, recording.policy)):
+            share, left = recording.battery[slot + 1, auv], recording.transit_slots[slot + 1, auv]
+            assert f"battery {math.floor(100 * float(f'{share:.4g}') + 0.5)} %" in text
+            to = ", ".join(map(str, recording.heading[slot + 1, auv]))
+            assert (f"under way to ({to}), {left} slot" in text) == (left > 0)
+            docked = bool(recording.snapshot(slot + 1).docked[auv])
+            assert ("recharged in the dock" in text) == docked
+            assert ("stranded" in text) == bool(recording.stranded[slot, auv])
+            said |= {("under way", left > 0), ("docked", docked), ("stranded", "stranded" in text)}
+        above = page.locator(".flat:not(.side) svg")
+        assert above.locator(".course").count() == (recording.transit_slots[slot + 1] > 0).sum()
+        assert above.locator(".sleeps .moon").count() == recording.asleep[slot].sum()
+        hulls = [hull.get_attribute("fill") for hull in above.locator(".hull").all()]
+        assert [fill == FAILED for fill in hulls] == recording.stranded[slot].tolist()
+        widths = [float(bar.get_attribute("width")) for bar in above.locator("g > rect").all()]
+        # A frame, and what fills it, of each AUV.
+        shares = np.array(widths[1::2]) / widths[::2]
+        assert shares == pytest.approx(recording.battery[slot + 1], abs=1e-3)
+    assert len(said) == 6, "not all has happened, and not happened"
+    assert page.locator(".flat:not(.side) svg .dock").count() == 2
+    legend = page.locator(".legend").inner_text()
+    assert all(word in legend for word in ("battery of an AUV", "under way to", "dock", "asleep"))
+    assert watched.complaints == []
+
+
+def test_an_auv_under_way_is_between_its_cells(sea):
+    watched, recording = sea
+    page = watched.page
+    for slot in np.flatnonzero(recording.transit_slots[1:, 0])[:4].tolist():
+        page.locator(".scrub").fill(str(slot + 1))
+        hull = page.locator(".flat:not(.side) svg .hull").first
+        x = float(
+            re.search(r"translate\(([\d.]+)", hull.locator("..").get_attribute("transform"))[1]
+        )
+        # Ten cells are 400 units wide.
+        assert x / 40 + 0.5 == pytest.approx(recording.positions()[slot + 1, 0, 0], abs=1e-3)
+    assert watched.complaints == []
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["1280", "390"])
+def test_the_page_of_the_sea_has_room_and_colours(sea, size, theme):
+    watched, _ = sea
+    page = watched.page
+    page.emulate_media(color_scheme=theme)
+    page.set_viewport_size(size)
+    page.locator(".scrub").fill("2")
+    assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+    dock = page.locator(".legend .dock i")
+    fill = dock.evaluate("(it) => getComputedStyle(it).backgroundColor")
+    assert fill == {"light": "rgb(219, 227, 200)", "dark": "rgb(60, 74, 51)"}[theme]
+    orange = near(pixels(page.locator(".space")), ENERGY)
+    assert orange.sum() > 20, "no battery is seen in space"
+    assert "Battery of every AUV" in page.locator(".charts").inner_text()
+    assert watched.complaints == []
 
 
 @pytest.mark.parametrize("scenario", ["multi/m2-k10-fdd", "best/k5-tdd"])

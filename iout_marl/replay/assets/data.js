@@ -24,6 +24,9 @@ function energyText(joules) {
 const decimals = (value, digits) =>
   value < 1e5 ? value.toFixed(digits) : Number(value.toPrecision(3)).toString();
 
+/** An age in slots, of two digits where packets are younger than a slot. */
+const ageText = (slots) => String(Number(slots.toFixed(2)));
+
 /** Seconds as 45 s, 3 min 20 s, 2 h 5 min. */
 function durationText(seconds) {
   const whole = Math.round(seconds);
@@ -67,6 +70,33 @@ class Episode {
   cell(place, auv) {
     const at = 3 * (place * this.auvs + auv);
     return this.path.slice(at, at + 3);
+  }
+  /** Where it is drawn: under way between two cells. */
+  spot(place, auv) {
+    const at = 3 * (place * this.auvs + auv);
+    return this.spots ? this.spots.slice(at, at + 3) : this.cell(place, auv);
+  }
+  /** Slots until the move of an AUV ends; 0 if it is not under way. */
+  slotsLeft(place, auv) {
+    return this.transit ? this.transit[place * this.auvs + auv] : 0;
+  }
+  /** The cell that it goes to. */
+  target(place, auv) {
+    const at = 3 * (place * this.auvs + auv);
+    return this.heading.slice(at, at + 3);
+  }
+  /** Share of its battery that an AUV has left. */
+  charge(place, auv) {
+    return this.battery[place * this.auvs + auv];
+  }
+  /** Whether an AUV lies in a dock, and is recharged. */
+  isDocked(place, auv) {
+    const cell = this.cell(place, auv), docks = this.docks ?? [];
+    return !this.slotsLeft(place, auv) && docks.some((dock) => dock.every((value, i) => value === cell[i]));
+  }
+  /** Whether a node slept through the slot before a place. */
+  sleeps(place, node) {
+    return Boolean(place && this.asleep && this.asleep[(place - 1) * this.numNodes + node]);
   }
   age(place, node) {
     return this.ages[place * this.numNodes + node];
@@ -120,6 +150,8 @@ class Episode {
   /** How an AUV moved in a slot. */
   moveText(slot, auv) {
     const stayed = this.stayed[slot * this.auvs + auv];
+    const left = this.slotsLeft(slot + 1, auv);
+    if (left) return `under way to (${this.target(slot + 1, auv).join(", ")}), ${left} ${left > 1 ? "slots" : "slot"} left`;
     if (stayed === 1) return "stayed: edge of the grid";
     if (stayed === 2) return "stayed: another AUV too near";
     const from = this.cell(slot, auv), to = this.cell(slot + 1, auv);
@@ -129,7 +161,8 @@ class Episode {
       return [(step > 0 ? "+" : "−") + (Math.abs(step) > 1 ? Math.abs(step) : "") + axis];
     });
     if (words.length) return words.join(" ");
-    return this.isStranded(slot, auv) ? "stranded: battery empty" : "hovered";
+    if (this.isStranded(slot, auv)) return "stranded: battery empty";
+    return this.slotsLeft(slot, auv) ? "gave the move up: battery too low" : "hovered";
   }
   /** Whether the battery of an AUV was empty in a slot. */
   isStranded(slot, auv) {
@@ -138,7 +171,9 @@ class Episode {
   }
   /** What an AUV has left of its battery after `place` slots, in words; empty where it has none. */
   batteryText(place, auv) {
-    return this.battery ? `battery ${Math.round(100 * this.battery[place * this.auvs + auv])} %` : "";
+    if (!this.battery) return "";
+    const dock = this.isDocked(place, auv) ? ", recharged in the dock" : "";
+    return `battery ${Math.round(100 * this.charge(place, auv))} %${dock}`;
   }
 
   /** Jain's index of the deliveries so far. */

@@ -17,6 +17,8 @@ function arc(radius, share) {
   return `M0 ${-radius}A${radius} ${radius} 0 ${share > 0.5 ? 1 : 0} 1 ${x} ${y}`;
 }
 
+/** What stands beside a node that sleeps. */
+const MOON = "M2-6A6 6 0 1 0 6 3A5 5 0 0 1 2-6z";
 /** Size of a node's number relative to its radius, by the number of digits. */
 const DIGITS = [0.95, 0.85, 0.6, 0.45];
 const ROUND_STEPS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
@@ -47,12 +49,21 @@ class Flat {
     });
     this.root.append(svg("rect", { width, height, class: "water" }));
     this.drawAxes(columns, rows, width, height);
+    this.drawDocks();
     this.links = svg("g");
     this.nodes = svg("g");
     this.auvs = svg("g");
     this.root.append(this.links, this.nodes, this.auvs);
     this.marks = episode.nodes.map((_, i) => this.addNode(i, pick));
     host.append(this.root);
+  }
+
+  drawDocks() {
+    const { across, along, axes } = this;
+    for (const dock of this.episode.docks ?? []) {
+      const [x, y] = [this.x(dock[axes[0]]) - across / 2, this.y(dock[axes[1]]) - along / 2];
+      this.root.append(svg("rect", { x, y, width: across, height: along, class: "dock" }, svg("title", {}, "dock")));
+    }
   }
 
   drawAxes(columns, rows, width, height) {
@@ -89,7 +100,10 @@ class Flat {
     const hint = svg("title");
     // A finger is wider than a node.
     const reach = svg("circle", { r: Math.max(size, 16), class: "reach" });
-    group.append(hint, chosen, track, ring, disc, letters, reach);
+    const moon = svg("path", {
+      d: MOON, class: "moon", transform: `translate(${-0.95 * size - 3} ${-0.95 * size - 3})`,
+    });
+    group.append(hint, chosen, track, ring, disc, letters, moon, reach);
     group.addEventListener("click", () => pick(index));
     this.nodes.append(group);
     return { group, ring, disc, letters, hint, radius: size * 0.87 };
@@ -98,13 +112,13 @@ class Flat {
   /** Where an AUV is at a time: in cells of the picture. */
   auvAt(time, auv) {
     const episode = this.episode, place = Math.ceil(time);
-    const from = episode.cell(Math.max(place - 1, 0), auv), to = episode.cell(place, auv);
+    const from = episode.spot(Math.max(place - 1, 0), auv), to = episode.spot(place, auv);
     const done = place ? Math.min((time - place + 1) / CHARGE_FROM, 1) : 1;
     const eased = done * done * (3 - 2 * done);
     const [x, y] = this.axes.map((axis) => from[axis] + (to[axis] - from[axis]) * eased);
     const here = (cell) => this.axes.every((axis) => cell[axis] === to[axis]);
     let raised = episode.nodes.some(here) ? 0.38 * eased : 0;
-    for (let other = 0; other < auv; other++) if (here(episode.cell(place, other))) raised -= 0.34;
+    for (let other = 0; other < auv; other++) if (here(episode.spot(place, other))) raised -= 0.34;
     return [this.x(x), this.y(y) - raised * this.px];
   }
 
@@ -120,12 +134,28 @@ class Flat {
       mark.letters.setAttribute("fill", isBright(colour) ? "#22303c" : "#fff");
       mark.ring.setAttribute("d", gauge > 0.001 ? arc(mark.radius, gauge) : "");
       mark.group.classList.toggle("is-chosen", i === chosen);
+      const sleeps = episode.sleeps(seen, i);
+      mark.group.classList.toggle("sleeps", sleeps);
       mark.hint.textContent =
-        `node ${i + 1}: age ${age} slots, ${energyText(episode.energy(seen, i))} stored`;
+        `node ${i + 1}: age ${ageText(age)} slots, ${energyText(episode.energy(seen, i))} stored${sleeps ? ", asleep" : ""}`;
     });
     this.showTrails(time, place);
+    this.showCourses(time, place);
     if (place && share > CHARGE_FROM) this.addLinks(time, place - 1, share > UPLINK_FROM);
-    this.showAuvs(time);
+    this.showAuvs(time, place, seen);
+  }
+
+  /** A dotted line from each AUV under way to the cell that it goes to. */
+  showCourses(time, place) {
+    for (let auv = 0; auv < this.episode.auvs; auv++) {
+      if (!this.episode.slotsLeft(place, auv)) continue;
+      const cell = this.episode.target(place, auv), stroke = auvColour(this.episode, auv);
+      const [x, y] = [this.x(cell[this.axes[0]]), this.y(cell[this.axes[1]])];
+      this.links.append(
+        svg("path", { d: `M${this.auvAt(time, auv)}L${x} ${y}`, class: "course", stroke }),
+        svg("circle", { cx: x, cy: y, r: 5, class: "target", stroke })
+      );
+    }
   }
 
   showTrails(time, place) {
@@ -133,7 +163,7 @@ class Flat {
     for (let auv = 0; auv < this.episode.auvs; auv++) {
       const points = [];
       for (let i = Math.max(place - LOOK.trail, 0); i < place; i++) {
-        const cell = this.episode.cell(i, auv);
+        const cell = this.episode.spot(i, auv);
         points.push([this.x(cell[this.axes[0]]), this.y(cell[this.axes[1]])]);
       }
       points.push(this.auvAt(time, auv));
@@ -171,15 +201,16 @@ class Flat {
     }
   }
 
-  showAuvs(time) {
+  showAuvs(time, place, seen) {
     this.auvs.replaceChildren();
     const size = Math.max(this.px * 0.9, 22);
     for (let auv = 0; auv < this.episode.auvs; auv++) {
       const [x, y] = this.auvAt(time, auv);
       const group = svg("g", { transform: `translate(${x} ${y})` });
-      group.append(
-        svg("path", { d: LOOK.hull, transform: `scale(${size})`, class: "hull", fill: auvColour(this.episode, auv) })
-      );
+      const isStranded = place && this.episode.isStranded(place - 1, auv);
+      const fill = isStranded ? LOOK.failed : auvColour(this.episode, auv);
+      group.append(svg("path", { d: LOOK.hull, transform: `scale(${size})`, class: "hull", fill }));
+      if (this.episode.battery && this.up) group.append(...this.battery(seen, auv, size));
       if (this.episode.auvs > 1) {
         group.append(
           svg("text", { class: "number", "font-size": size * 0.34, dy: "0.36em", fill: "#fff" }, auvName(auv))
@@ -187,6 +218,17 @@ class Flat {
       }
       this.auvs.append(group);
     }
+  }
+
+  /** A bar above an AUV, as full as its battery. */
+  battery(place, auv, size) {
+    const share = this.episode.charge(place, auv), width = 0.9 * size;
+    const at = { x: -width / 2, y: -0.22 * size - 6, height: 5 };
+    const isLow = share <= LOOK.low;
+    return [
+      svg("rect", { ...at, width, class: "cell" }),
+      svg("rect", { ...at, width: share * width, fill: isLow ? LOOK.failed : LOOK.energy }),
+    ];
   }
 }
 

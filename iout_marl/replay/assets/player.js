@@ -176,7 +176,7 @@ class Panel {
     if (asked) outcome.append(make("span", { "aria-hidden": "true" }, link.arrived ? "✓ " : "✗ "));
     const before = episode.age(slot, link.heard), after = episode.age(slot + 1, link.heard);
     outcome.append(
-      link.arrived ? `packet arrived, age ${before} → ${after}${spent}` : `${link.reason[1]}${spent}`
+      link.arrived ? `packet arrived, age ${ageText(before)} → ${ageText(after)}${spent}` : `${link.reason[1]}${spent}`
     );
     const polled = episode.polls(slot, link.auv).map((packet) => {
       const cost = packet.spent_j > 0 ? `, ${energyText(packet.spent_j)} spent` : "";
@@ -233,7 +233,7 @@ function history(episode) {
       spent += link.spent_j;
       packets += link.arrived ? 1 : 0;
       const cost = link.spent_j > 0 ? `, ${energyText(link.spent_j)} spent` : "";
-      const age = episode.age(slot, chosen);
+      const age = ageText(episode.age(slot, chosen));
       rows.push(
         link.arrived
           ? [slot, "arrived", `✓ packet to ${name} at age ${age}${cost}`]
@@ -246,7 +246,7 @@ function history(episode) {
   part.append(
     make(
       "p", {},
-      `Cell (${cell}). ${packets} packets; age ${decimals(sum / episode.slots, 2)} on average, ${worst} at most; ` +
+      `Cell (${cell}). ${packets} packets; age ${decimals(sum / episode.slots, 2)} on average, ${ageText(worst)} at most; ` +
       `${energyText(harvested)} harvested, ${energyText(spent)} spent, ${left} left at the end.`
     )
   );
@@ -259,6 +259,10 @@ function history(episode) {
   }
   if (!rows.length) list.append(make("li", {}, "Nobody charged or heard it."));
   part.append(list);
+  if (episode.asleep) {
+    const slept = episode.asleep.filter((sleeps, i) => sleeps && i % episode.numNodes === chosen).length;
+    find("p", part).append(` Asleep in ${slept} of ${episode.slots} slots.`);
+  }
   return part;
 }
 
@@ -442,7 +446,27 @@ for (const episode of EPISODES) {
   });
 }
 
+const batteryCharts = EPISODES.filter((episode) => episode.battery).map((episode) => ({
+  episode,
+  chart: new Chart(charts, {
+    title: `Battery of every AUV, %${EPISODES.length > 1 ? `: ${episode.policy}` : ""}`,
+    lines: Array.from({ length: episode.auvs }, (_, auv) => ({
+      values: Array.from({ length: episode.slots + 1 }, (__, place) => 100 * episode.charge(place, auv)),
+      colour: auvColour(episode, auv),
+    })),
+    top: 100, text: (value) => decimals(value, 0),
+    seek: (place) => { play(false); seek(place); },
+  }),
+}));
+
 function showCurves(place) {
+  for (const { episode, chart } of batteryCharts) {
+    const own = within(episode, place);
+    const shares = Array.from({ length: episode.auvs }, (_, auv) => 100 * episode.charge(own, auv));
+    const dots = shares.map((value, auv) => ({ value, colour: auvColour(episode, auv) }));
+    chart.show(time, dots, episode.auvs > 1 ? "" : decimals(shares[0], 0));
+  }
+
   meanChart.show(
     time,
     EPISODES.map((episode, i) => ({ value: episode.meanAges[within(episode, place)], colour: LINE_LOOKS[i].colour })),
@@ -452,7 +476,7 @@ function showCurves(place) {
     const own = within(episode, place), has = chosen >= 0;
     const age = has && episode.age(own, chosen), energy = has && episode.energy(own, chosen);
     const name = has ? `node ${chosen + 1}: ` : "";
-    ages.show(time, has ? [{ value: age, colour: "var(--data)" }] : [], has ? `${name}${age}` : "");
+    ages.show(time, has ? [{ value: age, colour: "var(--data)" }] : [], has ? `${name}${ageText(age)}` : "");
     energies.show(time, has ? [{ value: energy, colour: "var(--energy)" }] : [], has ? `${name}${energyText(energy)}` : "");
   }
 }

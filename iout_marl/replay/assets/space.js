@@ -9,7 +9,7 @@ function themeColours() {
   const style = getComputedStyle(document.documentElement);
   const of = (name) => style.getPropertyValue("--" + name).trim();
   return Object.fromEntries(
-    ["water", "deep", "floor", "lines", "ink", "muted", "halo", "auv", "page"].map((n) => [n, of(n)])
+    ["water", "deep", "floor", "dock", "lines", "ink", "muted", "halo", "auv", "page"].map((n) => [n, of(n)])
   );
 }
 
@@ -117,6 +117,7 @@ class Space {
     sun.position.set(4, 12, 6);
     this.scene.add(sun);
     this.buildWater();
+    for (const dock of this.episode.docks ?? []) this.buildDock(dock);
     this.nodes = this.episode.nodes.map((cell, i) => this.buildNode(cell, i));
     this.auvs = Array.from({ length: this.episode.auvs }, (_, i) => this.buildAuv(i));
     this.moving = new THREE.Group();
@@ -168,6 +169,28 @@ class Space {
     note("sea floor", -w / 2 + 1.1, -h / 2 + 0.3, d / 2);
   }
 
+  /** A frame around the cell of a dock, and a platform in it. */
+  buildDock(cell) {
+    const [ex, ey, ez] = this.edges, group = new THREE.Group();
+    const [x, y, z] = [ex / 2, ez / 2, ey / 2];
+    for (const level of [-y, y]) {
+      const around = [-x, level, -z, x, level, -z, x, level, z, -x, level, z, -x, level, -z];
+      this.addLine(group, around, this.theme.halo);
+    }
+    for (const [a, b] of [[-x, -z], [-x, z], [x, -z], [x, z]]) {
+      this.addLine(group, [a, -y, b, a, y, b], this.theme.halo);
+    }
+    const material = new THREE.MeshBasicMaterial({
+      color: this.theme.dock, transparent: true, opacity: 0.75, side: THREE.DoubleSide, depthWrite: false,
+    });
+    const platform = new THREE.Mesh(new THREE.PlaneGeometry(ex, ey), material);
+    platform.rotation.x = -Math.PI / 2;
+    platform.position.y = -ez / 2;
+    group.position.copy(this.at(cell));
+    group.add(platform);
+    this.scene.add(group);
+  }
+
   buildNode(cell, index) {
     const { scene, theme, radius } = this, at = this.at(cell);
     const group = new THREE.Group();
@@ -196,7 +219,11 @@ class Space {
     const floor = -this.size[2] / 2 - at.y;
     this.addLine(group, [0, 0, 0, 0, floor, 0], theme.lines);
     scene.add(group);
-    return { group, ball, halo, bar, height, colour };
+    const moon = board("☾", 1.3 * radius + 0.06, theme.ink);
+    moon.position.set(-1.5 * radius, 1.1 * radius, 0);
+    moon.visible = false;
+    group.add(moon);
+    return { group, ball, halo, bar, height, colour, moon };
   }
 
   addLine(parent, points, colour, opacity = 1) {
@@ -233,25 +260,51 @@ class Space {
     group.add(body);
     if (this.episode.auvs > 1) {
       const tag = board(auvName(index), 0.5, "#fff", colour);
-      tag.position.y = 0.62 * size;
+      tag.position.y = 0.62 * size + (this.episode.battery ? 0.3 : 0);
       group.add(tag);
     }
     const drop = this.addLine(group, [0, 0, 0, 0, -1, 0], colour, 0.45);
+    const battery = this.episode.battery ? this.buildBattery(group, size) : null;
     this.scene.add(group);
-    return { group, body, drop, heading: 0 };
+    return { group, body, drop, battery, skin, colour, heading: 0 };
+  }
+
+  /** A bar above an AUV that always looks at the viewer; how to fill it. */
+  buildBattery(group, size) {
+    const width = 1.1 * size, height = 0.16 * size;
+    const canvas = document.createElement("canvas"), pen = canvas.getContext("2d");
+    [canvas.width, canvas.height] = [176, 32];
+    const map = new THREE.CanvasTexture(canvas);
+    map.colorSpace = THREE.SRGBColorSpace;
+    const sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map, depthTest: false }));
+    sprite.scale.set(width, height * 1.25, 1);
+    sprite.position.y = 0.42 * size;
+    group.add(sprite);
+    let shown = -1;
+    return (share) => {
+      if (share === shown) return;
+      shown = share;
+      pen.fillStyle = this.theme.halo;
+      pen.fillRect(0, 0, canvas.width, canvas.height);
+      pen.fillStyle = this.theme.page;
+      pen.fillRect(4, 4, canvas.width - 8, canvas.height - 8);
+      pen.fillStyle = share <= LOOK.low ? LOOK.failed : LOOK.energy;
+      pen.fillRect(4, 4, share * (canvas.width - 8), canvas.height - 8);
+      map.needsUpdate = true;
+    };
   }
 
   /** Where an AUV is at a time; AUVs of one cell lie side by side, and above its node. */
   auvAt(time, auv) {
     const episode = this.episode, place = Math.min(Math.ceil(time), episode.slots);
-    const from = episode.cell(Math.max(place - 1, 0), auv), to = episode.cell(place, auv);
+    const from = episode.spot(Math.max(place - 1, 0), auv), to = episode.spot(place, auv);
     const done = place ? Math.min((time - place + 1) / CHARGE_FROM, 1) : 1;
     const eased = done * done * (3 - 2 * done);
     const at = this.at(from).lerp(this.at(to), eased);
     const shared = (cell, other) => other.every((value, i) => value === cell[i]);
     if (episode.nodes.some((node) => shared(to, node))) at.y += eased * 2.1 * this.radius;
     for (let other = 0; other < auv; other++) {
-      if (shared(to, episode.cell(place, other))) at.z += 0.6 * this.radius + 0.3;
+      if (shared(to, episode.spot(place, other))) at.z += 0.6 * this.radius + 0.3;
     }
     return at;
   }
@@ -272,6 +325,7 @@ class Space {
       node.bar.visible = gauge > 0;
       node.bar.scale.y = Math.max(gauge, 1e-3);
       node.bar.position.y = gauge / 2 - this.radius;
+      node.moon.visible = episode.sleeps(seen, i);
       node.halo.material.color.set(i === chosen ? LOOK.chosen : this.theme.halo);
       node.halo.scale.setScalar(i === chosen ? 1.22 : 1);
     });
@@ -279,12 +333,16 @@ class Space {
     this.auvs.forEach((auv, i) => {
       const at = this.auvAt(time, i);
       auv.group.position.copy(at);
-      const from = episode.cell(Math.max(place - 1, 0), i), to = episode.cell(place, i);
+      const from = episode.spot(Math.max(place - 1, 0), i), to = episode.spot(place, i);
       const east = to[0] - from[0], north = to[1] - from[1];
       if (east || north) auv.heading = Math.atan2(north, east);
       auv.body.rotation.y = auv.heading;
       auv.drop.scale.y = Math.max(at.y + this.size[2] / 2, 1e-3);
+      const isStranded = place > 0 && episode.isStranded(place - 1, i);
+      auv.skin.color.set(isStranded ? LOOK.failed : auv.colour);
+      auv.battery?.(episode.charge(seen, i));
       this.addTrail(i, at, place);
+      if (episode.slotsLeft(place, i)) this.addCourse(i, at, place);
     });
     if (place && share > CHARGE_FROM) this.addLinks(place - 1, share);
     this.request();
@@ -292,13 +350,20 @@ class Space {
 
   addTrail(auv, at, place) {
     const points = [], first = Math.max(place - LOOK.trail, 0);
-    for (let i = first; i < place; i++) points.push(this.at(this.episode.cell(i, auv)));
+    for (let i = first; i < place; i++) points.push(this.at(this.episode.spot(i, auv)));
     points.push(at);
     const colour = this.auvColour(auv);
     for (let i = 1; i < points.length; i++) {
       const width = 0.042 * (0.35 + (0.65 * i) / points.length);
       this.addRod(points[i - 1], points[i], width, colour, 0.15 + (0.6 * i) / points.length);
     }
+  }
+
+  /** Dots from an AUV under way to the cell that it goes to. */
+  addCourse(auv, at, place) {
+    const way = this.at(this.episode.target(place, auv)).sub(at), dots = Math.ceil(way.length() / 0.2);
+    const part = (share) => at.clone().addScaledVector(way, share / dots);
+    for (let i = 0; i < dots; i++) this.addRod(part(i), part(i + 0.45), 0.03, this.auvColour(auv), 0.8);
   }
 
   /** A straight rod between two points; with two widths it is a cone. */
