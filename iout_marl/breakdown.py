@@ -26,12 +26,12 @@ class Column:
 
 
 NODE_COLUMNS = (
-    Column("deliveries", "deliveries", 1),
+    Column("deliveries", "packets", 1),
     Column("mean_aoi_slots", "mean AoI slots", 2),
     Column("mean_aoi_s", "mean AoI s", 1),
     Column("peak_aoi_slots", "peak AoI slots", 1),
     Column("peak_aoi_s", "peak AoI s", 1),
-    Column("harvested_j", "harvested J", 1),
+    Column("harvested_j", "harvest J", 1),
     Column("spent_j", "spent J", 1),
     Column("left_j", "left J", 1),
 )
@@ -40,6 +40,8 @@ STORE_COLUMNS = (
     Column("spilled_j", "spilled J", 1),
     Column("leaked_j", "leaked J", 1),
     Column("idle_j", "idle J", 1),
+    Column("harvested_j_per_day", "harvest J/day", 1),
+    Column("spent_j_per_day", "spent J/day", 1),
     Column("asleep_slots", "asleep slots", 1),
     Column("survival_days", "survival days", 3),
 )
@@ -70,8 +72,9 @@ class Breakdown:
         nodes: by the names of `NODE_COLUMNS`, (episodes, nodes): packets delivered; mean over
             slots and highest of the age; energy harvested, spent on uplinks, and left in the end.
             Where stores have limits also by those of `STORE_COLUMNS`: energy that stores had no
-            room for, that they have lost, and that nodes have drawn while idle; slots asleep; for
-            how many days what is left would pay for losses and idling, where there are any.
+            room for, that they have lost, and that nodes have drawn while idle; what would be
+            harvested and spent in a day of such episodes; slots asleep; for how many days what is
+            left would pay for losses and idling, where there are any.
         auvs: by the names of `AUV_COLUMNS`, (episodes, auvs): the way; slots in which it moved;
             packets that it has received; energy that nodes have harvested from it. Where they
             can run out of energy also by those of `VEHICLE_COLUMNS`: energy for moves, beside
@@ -137,8 +140,9 @@ class Tally:
         """The figures of whole episodes; `state` is the last."""
         slot_s = self._world.link.slot_s
         storage, left_j = self._world.storage, np.array(state.energy_j)
-        stores = STORE_COLUMNS[:-1] if storage.is_limited else ()
         vehicles = VEHICLE_COLUMNS if self._world.vehicle.is_limited else ()
+        # Of moves that are not over, only batteries tell the way.
+        distance_m = np.array(state.distance_m) if vehicles else self._distance_m
         mean_age = self._age_sum / self._world.num_slots
         return Breakdown(
             slot_s=slot_s,
@@ -151,11 +155,11 @@ class Tally:
                 "harvested_j": self._harvested_j,
                 "spent_j": self._spent_j,
                 "left_j": left_j,
-                **{column.name: np.array(getattr(state, column.name)) for column in stores},
+                **(self._of_stores(state) if storage.is_limited else {}),
                 **({"survival_days": storage.survival_days(left_j)} if storage.drains else {}),
             },
             auvs={
-                "distance_m": self._distance_m,
+                "distance_m": distance_m,
                 "moving_slots": self._moves,
                 "moving_s": self._moves * slot_s,
                 "packets": self._packets,
@@ -163,3 +167,15 @@ class Tally:
                 **{column.name: np.array(getattr(state, column.name)) for column in vehicles},
             },
         )
+
+    def _of_stores(self, state: State) -> dict[str, npt.NDArray[np.float64]]:
+        """What `STORE_COLUMNS` name, but for survival."""
+        days = self._world.num_slots * self._world.link.slot_s / 86_400
+        return {
+            "spilled_j": np.array(state.spilled_j),
+            "leaked_j": np.array(state.leaked_j),
+            "idle_j": np.array(state.idle_j),
+            "harvested_j_per_day": self._harvested_j / days,
+            "spent_j_per_day": self._spent_j / days,
+            "asleep_slots": np.array(state.asleep_slots),
+        }

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
+from iout_marl.breakdown import AUV_COLUMNS, NODE_COLUMNS, STORE_COLUMNS, VEHICLE_COLUMNS
 from iout_marl.errors import printable
 from iout_marl.evaluation import Evaluation
 from iout_marl.metrics import Metric, described
@@ -53,18 +54,28 @@ def show_columns(results: Sequence[Evaluation], layouts: str = EACH_ITS_OWN) -> 
 
 
 def show_breakdown(result: Evaluation) -> None:
-    """A row for each node, and for each AUV, if they were told apart."""
+    """A row for each node, and for each AUV, if they were told apart.
+
+    What only stores with limits and batteries have stands in tables of their own: with all columns
+    side by side a table would be wider than most terminals.
+    """
     if result.breakdown is None:
         return
     breakdown, means = result.breakdown, "; means over episodes" * (result.episodes > 1)
     present(f"{printable(result.label)}: a slot is {breakdown.slot_s:g} s{means}")
-    for what, columns, found in (
-        ("node", breakdown.node_columns, breakdown.nodes),
-        ("AUV", breakdown.auv_columns, breakdown.auvs),
+    for what, group, found in (
+        ("node", NODE_COLUMNS, breakdown.nodes),
+        ("node", STORE_COLUMNS, breakdown.nodes),
+        ("AUV", AUV_COLUMNS, breakdown.auvs),
+        ("AUV", VEHICLE_COLUMNS, breakdown.auvs),
     ):
-        table = Table()
+        columns = [column for column in group if column.name in found]
+        if not columns:
+            continue
+        table = Table(padding=(0, 0, 0, 1))
         for heading in (what, *(column.heading for column in columns)):
-            table.add_column(heading, justify="right")
+            # A heading is folded between its words.
+            table.add_column(heading, justify="right", min_width=max(map(len, heading.split())))
         rows = zip(*(found[column.name].mean(axis=0).tolist() for column in columns), strict=True)
         for number, row in enumerate(rows, start=1):
             cells = (f"{v:.{column.digits}f}" for v, column in zip(row, columns, strict=True))

@@ -161,7 +161,7 @@ def _legend(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
 
 def _extra_legend(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
     """The marks of some scenarios."""
-    shown = [
+    shown: list[tuple[str, str, list[Any]]] = [
         ("battery", "battery of an AUV; red from 20 % on", [r.battery for r in recordings]),
         ("course", "under way to", [r.transit_slots for r in recordings]),
         ("dock", "dock", [r.docks for r in recordings]),

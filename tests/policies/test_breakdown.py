@@ -8,6 +8,7 @@ from batteries import BATTERY, DOCKS
 
 from iout_marl import World, evaluate, load_scenario, record_episode
 from iout_marl.breakdown import AUV_COLUMNS, NODE_COLUMNS, STORE_COLUMNS, VEHICLE_COLUMNS
+from iout_marl.cli_tables import show_breakdown
 from iout_marl.evaluation import play
 from iout_marl.policies import make_baseline
 
@@ -84,6 +85,9 @@ def test_what_stores_lose_is_told_where_they_have_limits():
     for name in ("spilled_j", "leaked_j", "idle_j"):
         assert nodes[name].sum(axis=1) == pytest.approx(result.samples[name])
         assert nodes[name].sum() > 0
+    days = limited.num_slots * limited.slot_s / 86400
+    for name in ("harvested_j", "spent_j"):
+        assert nodes[f"{name}_per_day"] * days == pytest.approx(nodes[name])
     share = nodes["asleep_slots"].mean(axis=1) / limited.num_slots
     assert share == pytest.approx(result.samples["asleep_share"])
     lost_j = nodes["spilled_j"] + nodes["leaked_j"] + nodes["idle_j"]
@@ -130,6 +134,30 @@ def test_the_command_has_columns_for_vehicles(iout, monkeypatch):
     assert "propulsion J" in out
     assert "stranded slots" in out
     assert "battery left" in out
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_tables_fit_into_a_terminal(monkeypatch, capsys, columns):
+    changes = {"storage": CAPACITOR, "vehicle": {**BATTERY, **DOCKS}}
+    result = evaluate("multi/m3-k10-fdd", "greedy", 2, overrides=changes, breakdown=True)
+    monkeypatch.setattr("iout_marl.terminal.WIDE", columns)
+    show_breakdown(result)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= columns
+    # Each number in one line, and of headings at most two: the word and its unit.
+    assert not any("…" in line for line in lines)
+    rows = [line for line in lines if line.startswith("│")]
+    assert len(rows) == 2 * 10 + 2 * 3
+    for heading, row in ((13, rows[0]), (11, rows[10]), (8, rows[20]), (12, rows[23])):
+        assert len([cell for cell in row.split("│") if cell.strip()]) <= heading
+    assert len(lines) <= 1 + len(rows) + 4 * 5
+
+
+def test_the_way_of_moves_that_are_not_over_counts_with_batteries():
+    changes = {"vehicle": BATTERY, "episode.slot_s": 10}
+    result = evaluate("paper/k3-fdd", "random-walk", 3, overrides=changes, breakdown=True)
+    way = result.breakdown.auvs["distance_m"].sum(axis=1)
+    assert way == pytest.approx(result.samples["distance_m"])
 
 
 def test_nothing_else_changes_and_nothing_is_told_unasked():
