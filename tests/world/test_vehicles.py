@@ -46,6 +46,16 @@ def slots(world, seed=0):
         yield before, action, events, state
 
 
+def test_a_dock_fills_a_battery_up_and_no_further():
+    world = make("fdd", {**DOCKS, "capacity_j": 125_000.3}, num_envs=5000, changes=HOVER)
+    battery_j = np.random.default_rng(0).uniform(0.1, 1, (5000, 1)) * world.vehicle.capacity_j
+    staying = np.array([world.action_sizes]).repeat(5000, axis=0)[:, None] - 1
+    after, _ = world.step(world.reset()._replace(battery_j=battery_j), staying)
+    # 95,000 J come in a slot of 25 s beside the hotel load.
+    assert (after.battery_j <= world.vehicle.capacity_j).all()
+    assert after.battery_j == pytest.approx(world.vehicle.capacity_j, rel=1e-12)
+
+
 @pytest.mark.parametrize("battery", BATTERIES)
 @pytest.mark.parametrize("case", WORLDS)
 def test_energy_is_conserved_to_the_joule_of_every_auv(case, battery):

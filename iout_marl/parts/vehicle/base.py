@@ -176,7 +176,8 @@ class Vehicle(Part):
             dock_j = xp.where(heading == cell, dock_j, self._zero)
         docked_j = xp.minimum(self._capacity_j - left_j, dock_j)
         fields = {
-            "battery_j": left_j + docked_j,
+            # What fills it up may pass its capacity by a rounding.
+            "battery_j": xp.minimum(left_j + docked_j, self._capacity_j),
             "propulsion_j": state.propulsion_j + propulsion_j,
             "hotel_j": state.hotel_j + hotel_j,
             "charging_j": state.charging_j + charging_j,
