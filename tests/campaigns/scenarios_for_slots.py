@@ -31,7 +31,6 @@ def draw_settings(rng: np.random.Generator) -> tuple[str, Settings]:
     settings: Settings = {
         "grid": {"cells": grid, "spacing_m": one_of(spacing_m, [spacing_m, *shorter])},
         "grid.own_cell_distance": one_of("zero", "mean"),
-        "episode.duration_s": slots * spacing_m / speed,
         "auvs": {
             "start_cells": cells[: int(rng.integers(1, num_auvs + 1))].tolist(),
             "count": num_auvs,
@@ -57,6 +56,15 @@ def draw_settings(rng: np.random.Generator) -> tuple[str, Settings]:
     if rng.random() < 0.4:
         nodes["weights"] = rng.choice([0.0, 0.5, 1.0, 3.0], num_nodes).tolist()
     settings["nodes"] = nodes
+    slot_s = spacing_m / speed
+    if rng.random() < 0.3:
+        # Moves over several slots, over several cells in one, and both along unlike edges.
+        slot_s *= one_of(0.15, 0.4, 0.7, 1.0, 2.5)
+        settings["episode"] = {"slot_s": slot_s, "duration_s": slots * slot_s}
+    else:
+        settings["episode"] = {"duration_s": slots * slot_s}
+    if rng.random() < 0.3:
+        settings["age"]["sampling"] = "packet_start"
     if rng.random() < 0.4:
         capacity_j = one_of(1e-3, 1.0, 60.0, 1e3, 1e6)
         settings["storage"] = {
@@ -69,7 +77,7 @@ def draw_settings(rng: np.random.Generator) -> tuple[str, Settings]:
     has_battery = rng.random() < 0.4
     if has_battery:
         # Of at most so many slots of hotel load and moves.
-        slot_s, lasts = spacing_m / speed, one_of(1.5, 4.0, 30.0)
+        lasts = one_of(1.5, 4.0, 30.0)
         hotel_w = one_of(0.0, 40.0, 500.0)
         move_w = 0.5 * 1025 * 0.006 * 3.0 * speed**3 / 0.7
         settings["vehicle"] = {
@@ -109,6 +117,11 @@ def draw_settings(rng: np.random.Generator) -> tuple[str, Settings]:
     else:
         channel["noise_level_db"] = one_of(20.0, 30.0)
     settings["channel"] = channel
+    if rng.random() < 0.3:
+        modems = _of_modems(rng, settings, slot_s)
+        for key in [key for key in settings if key.partition(".")[0] in modems]:
+            del settings[key]
+        settings |= modems
     reward: Settings = {"kind": one_of("paper", "mean_age"), "credit": one_of("team", "difference")}
     if reward["kind"] == "mean_age":
         sometimes(reward, "fairness_weight", 0.0, 20.0)
@@ -130,3 +143,38 @@ def draw_settings(rng: np.random.Generator) -> tuple[str, Settings]:
     sometimes(observation, "action_mask", "none", "info", "observation")
     settings["observation"] = observation
     return f"paper/k3-{kind}", settings
+
+
+def _of_modems(rng: np.random.Generator, settings: Settings, slot_s: float) -> Settings:
+    """What takes the settings' places where nodes have modems; AUVs often hear several of them."""
+
+    def one_of(*choices: Any) -> Any:
+        return choices[rng.integers(len(choices))]
+
+    airtime_s = slot_s * one_of(0.02, 0.1, 0.3)
+    bits = one_of(100.0, 8000.0)
+    found: Settings = {
+        # Modems do not raise their level against one another.
+        "channel": {
+            "kind": "sonar",
+            "spreading_factor": one_of(1.5, 2.0),
+            "access": one_of("orthogonal", "exclusive"),
+        },
+        "uplink": {
+            "kind": "modem",
+            "bit_rate_bps": bits / airtime_s,
+            "packet_bits": bits,
+            "bandwidth_hz": one_of(500.0, 5000.0),
+            "electronics_w": one_of(0.0, 0.5, 2.0),
+            "maximum_source_level_db": one_of(150.0, 185.0),
+            "required_snr_db": one_of(0.0, 10.0),
+            "power_control": one_of(True, True, False),
+        },
+    }
+    if rng.random() < 0.6:
+        found["harvester"] = {"kind": "aperture", "area_m2": one_of(0.02, 0.5), "efficiency": 0.5}
+    if settings["duplex"]["kind"] == "tdd":
+        found["duplex"] = {**settings["duplex"], "beta_rule": "airtime"}
+    if rng.random() < 0.7:
+        found["hearing"] = {"kind": "polling", "max_nodes_per_slot": int(rng.integers(2, 6))}
+    return found

@@ -50,6 +50,21 @@ class Laws:
         self.one_cell = world.grid.num_cells == 1
         self.store = world.scenario.storage.model_dump()
         self.pairs = np.triu_indices(world.num_auvs, 1)
+        self.is_continuous = world.scenario.age.sampling == "packet_start"
+        self.slots, self.steps_a_slot = self._pace()
+
+    def _pace(self) -> tuple[Any, Any]:
+        """Of each direction: slots that a move takes, and steps that are made in one."""
+        steps = self.world.motion.steps
+        ones = np.ones(len(steps), dtype=int)
+        if self.scenario.episode.slot_s is None:
+            return ones, ones
+        far_m = np.sqrt(((steps * np.array(self.scenario.grid.edges_m)) ** 2).sum(-1))
+        slots_a_step = far_m / (self.scenario.auvs.speed_m_per_s * self.scenario.slot_s)
+        moves = far_m > 0
+        slots = np.where(moves, np.ceil(slots_a_step - 1e-9), 1)
+        per_slot = np.where(moves, np.floor(1 / np.where(moves, slots_a_step, 1) + 1e-9), 1)
+        return np.maximum(slots, 1).astype(int), np.maximum(per_slot, 1).astype(int)
 
     def begin(self, state: Any) -> None:
         """In the first state."""
@@ -82,46 +97,68 @@ class Laws:
 
     def _moves(self, before: Any, action: Any, after: Any, events: Any) -> None:
         self._placed(after)
-        old = self.cells[before.cell]
-        target = old + self.world.motion.steps[action[..., 0]]
-        inside = ((target >= 0) & (target < self.scenario.grid.cells)).all(-1)
-        stays = (self.cells[after.cell] == old).all(-1)
-        arrives = (self.cells[after.cell] == target).all(-1)
-        law("a move leads to its cell or nowhere", stays | arrives)
+        old, new = self.cells[before.cell], self.cells[after.cell]
+        direction, under_way = action[..., 0], np.zeros(before.cell.shape, dtype=bool)
+        takes_slots = bool((self.slots > 1).any())
+        if takes_slots:
+            under_way = before.transit_slots > 0
+            direction = np.where(under_way, before.course, direction)
+        step = self.world.motion.steps[direction]
+        way = [old]
+        for done in range(int(self.steps_a_slot.max()) if not self.one_cell else 1):
+            ahead = way[-1] + step
+            goes = ((ahead >= 0) & (ahead < self.scenario.grid.cells)).all(-1)
+            goes &= done < self.steps_a_slot[direction]
+            way.append(np.where(goes[..., None], ahead, way[-1]))
+            if not (way[-1] != way[-2]).any():
+                break
+        target = way[-1]
+        inside = ((old + step >= 0) & (old + step < self.scenario.grid.cells)).all(-1)
+        stays, arrives = (new == old).all(-1), (new == target).all(-1)
+        law("a move leads along its way", np.any([(new == cell).all(-1) for cell in way], axis=0))
         law("who would leave the grid stays", inside | stays)
-        halted = np.zeros_like(inside)
+        slots = np.where((target == old).all(-1), 1, self.slots[direction])
+        halted, left = np.zeros_like(inside), np.zeros(before.cell.shape, dtype=int)
         if self.world.vehicle.is_limited:
-            halted = self._batteries(before, after, events, old, target, inside)
+            halted = self._halted(before, events, old, target, slots)
+        if takes_slots:
+            left = np.where(halted, 1, np.where(under_way, before.transit_slots, slots)) - 1
+            law("slots under way are counted down", after.transit_slots == left)
+            law("who is under way is in its old cell", (left == 0) | stays)
+            law("a course is kept", (left == 0) | (after.course == direction))
+        if self.world.vehicle.is_limited:
+            heading = np.where(left[..., None] > 0, target, new)
+            self._batteries(before, after, events, self._move_j(old, heading, slots))
         leaves = ~inside & ~halted & (not self.one_cell)
         law("leaving the grid is noticed", events.left_grid == leaves)
-        law("who is blocked stays", ~events.blocked | stays)
+        law("who is blocked does not arrive", ~events.blocked | ~arrives)
         law("who cannot pay for a move stays", ~halted | stays)
-        law("who is not blocked arrives", events.blocked | halted | ~inside | arrives)
+        law("who is not blocked arrives", events.blocked | halted | (left > 0) | arrives)
 
-    def _batteries(
-        self, before: Any, after: Any, events: Any, old: Any, target: Any, inside: Any
-    ) -> Any:
-        """Who cannot move, (envs, auvs) bool."""
+    def _move_j(self, old: Any, to: Any, slots: Any) -> Any:
+        """Energy of a slot of the moves, (envs, auvs) in J."""
         hull, slot_s = self.scenario.vehicle, self.scenario.slot_s
-        nobody = self.world.num_nodes
+        far_m = (to - old) * np.array(self.scenario.grid.edges_m)
+        speed = np.sqrt((far_m**2).sum(-1)) / slot_s / slots
+        drag = 0.5 * 1025 * hull.drag_coefficient * hull.drag_area_m2
+        return drag * speed**3 / hull.propulsion_efficiency * slot_s
 
-        def move_j(to: Any) -> Any:
-            far_m = (to - old) * np.array(self.scenario.grid.edges_m)
-            speed = np.sqrt((far_m**2).sum(-1)) / slot_s
-            drag = 0.5 * 1025 * hull.drag_coefficient * hull.drag_area_m2
-            return drag * speed**3 / hull.propulsion_efficiency * slot_s
-
-        law("a battery holds no less than nothing", after.battery_j >= 0)
-        law("a battery holds no more than it can", after.battery_j <= hull.capacity_j)
-        hotel_j = hull.hotel_w * slot_s
+    def _halted(self, before: Any, events: Any, old: Any, target: Any, slots: Any) -> Any:
+        """Who cannot move, (envs, auvs) bool."""
+        hotel_j = self.scenario.vehicle.hotel_w * self.scenario.slot_s
         stranded = (before.battery_j < hotel_j) | (before.battery_j == 0)
         law("who is stranded", events.stranded == stranded)
+        return stranded | (before.battery_j - hotel_j < self._move_j(old, target, slots))
+
+    def _batteries(self, before: Any, after: Any, events: Any, move_j: Any) -> None:
+        hull, nobody = self.scenario.vehicle, self.world.num_nodes
+        stranded = events.stranded
+        law("a battery holds no less than nothing", after.battery_j >= 0)
+        law("a battery holds no more than it can", after.battery_j <= hull.capacity_j)
         law("who is stranded is counted", after.stranded_slots == before.stranded_slots + stranded)
         idle = (events.charged == nobody) & (events.heard == nobody)
         law("who is stranded names nobody", ~stranded | idle)
-        close(
-            "propulsion", after.propulsion_j, before.propulsion_j + move_j(self.cells[after.cell])
-        )
+        close("propulsion", after.propulsion_j, before.propulsion_j + move_j, move_j)
         spent = ("propulsion_j", "hotel_j", "charging_j")
         drawn_j = sum(getattr(after, name) - getattr(before, name) for name in spent)
         whole_j = hull.capacity_j + after.docked_j
@@ -129,8 +166,6 @@ class Laws:
         gone_j = sum(getattr(after, name) for name in spent) + after.battery_j
         initial_j = hull.initial_share * hull.capacity_j
         close("batteries", gone_j, initial_j + after.docked_j, whole_j)
-        target_or_here = np.where(inside[..., None], target, old)
-        return stranded | (before.battery_j - hotel_j < move_j(target_or_here))
 
     def _energies(self, before: Any, after: Any, events: Any) -> None:
         link, nobody = self.world.link, self.world.num_nodes
@@ -153,6 +188,7 @@ class Laws:
         close("charging adds what is harvested", available_j, events.available_j)
         spent_j = np.zeros_like(available_j)
         np.add.at(spent_j, (self.env, heard), events.spent_j)
+        self._add_polled(spent_j, events, events.polled_j)
         law("energies are not negative", (after.energy_j >= 0).all(-1))
         law("nothing negative is spent", events.spent_j >= 0)
         left_j = available_j - spent_j
@@ -177,6 +213,14 @@ class Laws:
             (after.harvested_j + self.store.get("initial_j", 0.0)) * len(self.is_cell),
         )
 
+    def _add_polled(self, totals: Any, events: Any, values: Any) -> None:
+        """Add what was polled beside to (envs, nodes) totals."""
+        for i in range(events.polled.shape[2]):
+            is_one = events.polled[..., i] < self.world.num_nodes
+            node = np.minimum(events.polled[..., i], self.world.num_nodes - 1)
+            law("no poll brings nothing", is_one | (values[..., i] == 0))
+            np.add.at(totals, (self.env, node), values[..., i])
+
     def _uplinks(self, before: Any, after: Any, events: Any, mask: Any) -> None:
         access, delivered = self.scenario.channel.access.kind, events.delivered
         num_nodes = self.world.num_nodes
@@ -184,6 +228,7 @@ class Laws:
         law("nobody delivers nothing", (events.heard < num_nodes) | ~delivered)
         served = np.zeros_like(after.deliveries)
         np.add.at(served, (self.env, heard), delivered)
+        self._add_polled(served, events, events.polled_delivered)
         law("a node delivers once", served <= 1)
         law("deliveries are counted", after.deliveries == before.deliveries + served)
         law("who delivers pays", ~delivered | (events.spent_j > 0) | (events.beta > 0))
@@ -206,12 +251,25 @@ class Laws:
     def _ages(self, before: Any, after: Any, events: Any) -> None:
         world, oldest = self.world, self.scenario.age.maximum
         served = after.deliveries > before.deliveries
-        expected = np.where(served, 1, np.minimum(before.age + 1, oldest))
-        law("ages rise by one or fall to one", after.age == expected)
-        law("ages lie between 1 and A_max", (after.age >= 1) & (after.age <= oldest))
+        grown = np.minimum(before.age + 1, oldest)
+        counted, highest = after.age, after.age
+        if self.is_continuous:
+            # The integral of an age that rises evenly to A_max at most, and where it ends.
+            rises = np.minimum(oldest - before.age, 1)
+            counted = before.age + rises - rises**2 / 2
+            highest = before.age + rises
+            law(
+                "ages rise by one or fall below",
+                np.where(served, after.age <= 1, after.age == grown),
+            )
+            law("no packet is from the future", after.age > 0)
+        else:
+            law("ages rise by one or fall to one", after.age == np.where(served, 1, grown))
+            law("no age is below 1", after.age >= 1)
+        law("no age is above A_max", after.age <= oldest)
         close("the mean age", after.mean_age, after.age.mean(-1))
-        close("the sum of mean ages", after.age_sum, before.age_sum + after.mean_age)
-        law("the peak age", after.peak_age == np.maximum(before.peak_age, after.age.max(-1)))
+        close("the sum of mean ages", after.age_sum, before.age_sum + counted.mean(-1))
+        close("the peak age", after.peak_age, np.maximum(before.peak_age, highest.max(-1)))
         total = after.deliveries.sum(-1)
         jain = total**2 / np.maximum(world.num_nodes * (after.deliveries**2).sum(-1), 1)
         close("Jain's index", after.jain, jain)
@@ -309,7 +367,8 @@ def play_scenario(scenario: Scenario, num_envs: int, rng: np.random.Generator) -
     layout = node_codes(scenario, world.grid, few if is_fixed else streams)
     layout = np.tile(layout[:1], (num_envs, 1)) if is_fixed else layout
     state = world.reset(layout)
-    permuted = Permuted(world, layout, len(few), rng)
+    # Of equally old nodes the first is polled first: their order matters.
+    permuted = None if world.hearing.polls else Permuted(world, layout, len(few), rng)
     single = Single(scenario, seed)
     laws.begin(state)
     half = num_envs // 2
@@ -325,7 +384,8 @@ def play_scenario(scenario: Scenario, num_envs: int, rng: np.random.Generator) -
         law("a masked move stays in the grid", ~events.left_grid[half:])
         laws.slot(state, action, after, events, mask)
         reward = world.reward(after, events)
-        permuted.compare(action, after, reward)
+        if permuted is not None:
+            permuted.compare(action, after, reward)
         is_last = slot == world.num_slots - 1
         single.compare(action, world.observe(after), reward, is_last=is_last)
         state = after
