@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from iout_marl.policies import AnyPolicy
 from iout_marl.replay.recorder import record_policy
@@ -27,10 +28,11 @@ class Trajectory:
         charged: (slots, auvs) node charged; 0 for nobody, or where the slot left no time for it.
         heard: (slots, auvs) node asked for its packet; 0 likewise.
         delivered: (slots, auvs) whether the packet arrived.
-        ages: (slots, nodes) ages after each slot.
+        ages: (slots, nodes) ages after each slot; whole where packets are a slot old.
         polled: (slots, auvs) lists of the nodes polled beside, in the order of their packets; None
             where the scenario has nobody polled.
         polled_delivered: whether their packets arrived, likewise.
+        docks: (docks, 3) cells in which AUVs are recharged; None where there are none.
     """
 
     grid: list[int]
@@ -40,9 +42,10 @@ class Trajectory:
     charged: list[list[int]]
     heard: list[list[int]]
     delivered: list[list[bool]]
-    ages: list[list[int]]
+    ages: list[list[float]]
     polled: list[list[list[int]]] | None = None
     polled_delivered: list[list[list[bool]]] | None = None
+    docks: list[list[int]] | None = None
 
     @classmethod
     def from_recording(cls, recording: Recording) -> Trajectory:
@@ -56,7 +59,8 @@ class Trajectory:
             charged=recording.charged.tolist(),
             heard=np.where(only_charged, 0, recording.heard).tolist(),
             delivered=recording.delivered.tolist(),
-            ages=recording.ages[1:].astype(int).tolist(),
+            ages=_ages(recording.ages[1:]),
+            docks=None if recording.docks is None else recording.docks.tolist(),
             **({} if not recording.polled.shape[2] else _polled(recording)),
         )
 
@@ -72,6 +76,12 @@ class Trajectory:
             for auv, pair in enumerate(zip(nodes, arrivals, strict=True)):
                 for node, arrived in zip(*pair, strict=True):
                     yield slot, auv, node, arrived
+
+
+def _ages(ages: npt.NDArray[np.float64]) -> list[list[float]]:
+    """Ages to a thousandth of a slot."""
+    is_whole = (ages == ages.round()).all()
+    return (ages.astype(int) if is_whole else ages.round(3)).tolist()
 
 
 def _polled(recording: Recording) -> dict[str, Any]:

@@ -127,11 +127,12 @@ class Scene:
         delivered: Sequence[Sequence[bool]],
         polled: Iterable[tuple[int, int, int, bool]] = (),
         edges_m: Edges = (1.0, 1.0, 1.0),
+        docks: Sequence[Sequence[int]] | None = None,
     ) -> Scene:
         """The slots of an episode, as `iout_marl.trajectory.Trajectory` records them.
 
         Args:
-            grid_shape, nodes, path, charged, heard, delivered, edges_m: as there.
+            grid_shape, nodes, path, charged, heard, delivered, edges_m, docks: as there.
             polled: slot from 1, AUV from 0, node from 1 of nodes polled beside, and whether the
                 packet arrived.
         """
@@ -158,6 +159,7 @@ class Scene:
             path=np.array(path, dtype=np.float64),
             earlier=tuple(links),
             edges_m=edges_m,
+            docks=None if docks is None else np.array(docks, dtype=np.int64),
         )
 
     @property

@@ -112,7 +112,7 @@ class TrajectoryPlot:
         """The episode as it is drawn."""
         e = self.episode
         rows = (e.nodes, e.path, e.charged, e.heard, e.delivered, list(e.polls()))
-        return Scene.from_episode(e.grid, *rows, edges_m(e.spacing_m))
+        return Scene.from_episode(e.grid, *rows, edges_m(e.spacing_m), e.docks)
 
     def rows(self) -> Iterator[tuple[object, ...]]:
         """The data as a table, its headings first; AUVs and nodes are counted from 1."""

@@ -268,8 +268,10 @@ def _trajectory_entries(scene: Scene) -> list[Any]:
         for what in Passed
     ]
     circle: dict[str, Any] = {"ls": "none", "marker": "o"}
+    square: dict[str, Any] = {"ls": "none", "marker": "s", "mfc": style.DOCK, "mec": style.INK}
     return [
         *links,
+        *([] if scene.docks is None else [entry("dock", ms=9, mew=1.2, **square)]),
         entry("node", mfc=style.NODE, mec=style.INK, ms=9, mew=0.5, **circle),
         entry("start", mfc="none", mec=style.INK, ms=9, mew=1.3, **circle),
         *(entry(label, mfc=colour, **nose) for label, colour in ends),

@@ -31,7 +31,7 @@ def draw_trajectory(trajectory: TrajectoryPlot) -> tuple[list[dict[str, Any]], d
     for auv in auvs:
         data += [_path(scene, auv), _cells(scene, auv, visits[auv])]
     data += [_links(scene, what, visits) for what in Passed]
-    data += [_nodes(trajectory.episode), *_ends(scene)]
+    data += [_nodes(trajectory.episode), _docks(scene), *_ends(scene)]
     return [trace for trace in data if trace["x"]], _layout(scene)
 
 
@@ -156,6 +156,13 @@ def _nodes(episode: Trajectory) -> dict[str, Any]:
         hovertext=texts,
         hovertemplate="%{hovertext}<extra></extra>",
     )
+
+
+def _docks(scene: Scene) -> dict[str, Any]:
+    """A square at each; no trace where there are none."""
+    marker = {"symbol": "square", "size": 14, "color": style.DOCK, "line": {"width": 1.5}}
+    docks = () if scene.docks is None else scene.docks.tolist()
+    return _trace("dock", "markers", docks, marker=marker, opacity=0.8)
 
 
 def _ends(scene: Scene) -> list[dict[str, Any]]:

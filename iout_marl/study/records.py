@@ -114,9 +114,10 @@ class _Episode(Saved):
     charged: list[_OfEach]
     heard: list[_OfEach]
     delivered: list[Annotated[list[bool], Field(min_length=1)]]
-    ages: list[_OfEach]
+    ages: list[Annotated[list[Whole | NotNegative], Field(min_length=1)]]
     polled: list[Annotated[list[list[Counted]], Field(min_length=1)]] | None = None
     polled_delivered: list[Annotated[list[list[bool]], Field(min_length=1)]] | None = None
+    docks: Annotated[list[_Place], Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
@@ -134,6 +135,7 @@ class _Episode(Saved):
         for name, places in (
             ("nodes", self.nodes),
             ("path", (p for row in self.path for p in row)),
+            ("docks", self.docks or ()),
         ):
             if any(c > size for p in places for c, size in zip(p, self.grid, strict=True)):
                 raise invalid((name,), "leaves the grid")

@@ -280,6 +280,18 @@ def test_a_snapshot_of_the_sea_is_that_of_the_world(sea):
     assert docked > 0
 
 
+def test_the_trajectory_has_docks_and_ages_of_less_than_a_slot():
+    vehicle = {**BATTERY, **DOCKS, "capacity_j": 5e6}
+    changes = {"age.sampling": "packet_start", "vehicle": vehicle}
+    recording = record_policy("paper/k5-tdd", "greedy", 1, overrides=changes)
+    assert (recording.ages % 1).any()
+    drawn = Trajectory.from_recording(recording)
+    assert drawn.docks == DOCKS["docks"]
+    assert np.array(drawn.ages) == pytest.approx(recording.ages[1:], abs=1e-3)
+    kept = json.loads(json.dumps(drawn.to_json()))
+    assert Trajectory(**kept) == drawn
+
+
 def test_a_move_that_is_stopped_leads_nowhere():
     changes = {
         "grid.cells": [2, 2, 1],

@@ -89,6 +89,7 @@ def test_rows_have_every_slot_of_every_auv():
         {"heard": [[1, 2], [1, 2]]},
         {"delivered": [[False, False], [False, True]]},
         {"nodes": [[1, 1, 2], [6, 5, 3]]},
+        {"docks": [[2, 4, 1]]},
     ],
     ids=" ".join,
 )
