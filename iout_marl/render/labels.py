@@ -52,6 +52,11 @@ def number_text(value: float, digits: int = 0) -> str:
     return f"{value:.{digits}f}" if value < 1e5 else f"{value:.3g}"
 
 
+def age_text(age_slots: float) -> str:
+    """An age in slots, with a digit where it is short and not whole."""
+    return number_text(age_slots, int(age_slots < 10 and age_slots % 1 != 0))
+
+
 _BREAKS = re.compile("[\t-\r\x1c-\x1f\x85\u2028\u2029]+")
 #: Control characters, halves of characters, and what Unicode keeps free for programs.
 _NO_TEXT = re.compile(

@@ -13,6 +13,7 @@ from rich.cells import cell_len
 from iout_marl.render import style
 from iout_marl.render.hull import hull_path
 from iout_marl.render.labels import (
+    age_text,
     energy_text,
     energy_unit,
     number_text,
@@ -139,7 +140,7 @@ def _draw(s: Snapshot, trail: Floats | None, frame: _Frame) -> npt.NDArray[np.ui
     for projection in frame.projections(figure):
         projection.draw(scene, colours)
     ages, energies = frame.bars(figure)
-    ages.draw(s.ages, colours, [number_text(age) for age in s.ages])
+    ages.draw(s.ages, colours, [age_text(age) for age in s.ages])
     # What a rounding has left behind is nothing.
     energies_j = np.where(s.energies_j > 1e-5 * frame.energy_top_j, s.energies_j, 0.0)
     values = energies_j / frame.energy_unit()[0]

@@ -9,6 +9,7 @@ from collections import defaultdict
 from rich.cells import cell_len, set_cell_size
 
 from iout_marl.render.labels import (
+    age_text,
     auv_name,
     energy_text,
     number_text,
@@ -182,7 +183,7 @@ def _node_table(s: Snapshot, names: list[str]) -> list[str]:
         age, energy_j = float(s.ages[node]), float(s.energies_j[node])
         lines.append(
             f"{node + 1:>4}  {_cell(s.node_positions[node]):<12} "
-            f"{number_text(age):>4} {_bar(age / s.maximum_age)}  "
+            f"{age_text(age):>4} {_bar(age / s.maximum_age)}  "
             f"{energy_text(energy_j):>8} {_bar(energy_j / full_j)}    {_marks(s, node, names)}"
         )
     if s.num_nodes > MAX_NODES:

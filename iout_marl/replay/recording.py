@@ -14,6 +14,7 @@ from iout_marl.core.age import jain_of
 from iout_marl.core.reasons import STRANDED, Reason
 from iout_marl.files import read_json, refuse_input, to_json, user_path, write_text
 from iout_marl.render import Snapshot
+from iout_marl.replay.moves import arrives, progress
 from iout_marl.replay.reading import (
     ARRAYS,
     FORMAT,
@@ -149,44 +150,19 @@ class Recording:
         numbers = [i for i, reason in enumerate(self.reasons, 1) if reason.code == STRANDED.code]
         return np.isin(self.outcome, numbers)
 
-    @property
-    def progress(self) -> Floats:
-        """(slots + 1, auvs) share of its move that each AUV under way has behind it, else 0."""
-        done = np.zeros(self.path.shape[:2])
-        if self.transit_slots is None:
-            return done
-        for place in range(1, len(done)):
-            done[place] = (done[place - 1] + 1) * (self.transit_slots[place] > 0)
-        return done / np.maximum(done + self.transit_slots, 1)
-
-    @property
-    def arrives(self) -> Flags:
-        """(slots + 1, auvs) whether the move that an AUV is on leads where it heads for.
-
-        One does not that is given up for want of energy, or stopped by another AUV; of one that
-        is not over in the end that is not known, and it counts.
-        """
-        arrives = np.ones(self.path.shape[:2], dtype=np.bool_)
-        if self.heading is None or self.transit_slots is None:
-            return arrives
-        for place in reversed(range(self.slots)):
-            is_there = (self.path[place + 1] == self.heading[place]).all(axis=-1)
-            arrives[place] = np.where(
-                self.transit_slots[place + 1] > 0, arrives[place + 1], is_there
-            )
-        return arrives
-
     def positions(self, *, only_arriving: bool = False) -> Floats:
         """(slots + 1, auvs, 3) where AUVs are, in cells: under way between the two.
 
         The world counts one that is under way as in the cell of `path`.
 
         Args:
-            only_arriving: leave out moves that lead nowhere, see `arrives`.
+            only_arriving: leave out moves that lead nowhere, see `moves.arrives`.
         """
-        if self.heading is None:
+        if self.heading is None or self.transit_slots is None:
             return self.path.astype(np.float64)
-        share = self.progress * (self.arrives if only_arriving else 1.0)
+        share = progress(self.transit_slots)
+        if only_arriving:
+            share = share * arrives(self.path, self.heading, self.transit_slots)
         return self.path + (self.heading - self.path) * share[..., None]
 
     @property
@@ -263,7 +239,7 @@ class Recording:
             battery=None if self.battery is None else self.battery[place],
             headings=None if self.heading is None else self.heading[place],
             transit_slots=None if self.transit_slots is None else self.transit_slots[place],
-            progress=None if self.transit_slots is None else self.progress[place],
+            progress=None if self.transit_slots is None else progress(self.transit_slots)[place],
             docks=self.docks,
             stranded=self.stranded[slot] if place and self.battery is not None else None,
             asleep=self.asleep[slot] if place and self.asleep is not None else None,

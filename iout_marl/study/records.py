@@ -114,7 +114,7 @@ class _Episode(Saved):
     charged: list[_OfEach]
     heard: list[_OfEach]
     delivered: list[Annotated[list[bool], Field(min_length=1)]]
-    ages: list[Annotated[list[Whole | NotNegative], Field(min_length=1)]]
+    ages: list[Annotated[list[NotNegative], Field(min_length=1)]]
     polled: list[Annotated[list[list[Counted]], Field(min_length=1)]] | None = None
     polled_delivered: list[Annotated[list[list[bool]], Field(min_length=1)]] | None = None
     docks: Annotated[list[_Place], Field(min_length=1)] | None = None

@@ -26,6 +26,7 @@ from iout_marl.evaluation import play
 from iout_marl.policies import make_baseline
 from iout_marl.render import Snapshot, as_text
 from iout_marl.replay import Recorder
+from iout_marl.replay.moves import arrives, progress
 from iout_marl.replay.page import render_page
 from iout_marl.scenario.loading import parse_scenario
 
@@ -254,7 +255,7 @@ def test_moves_docks_and_sleep_are_kept(sea, tmp_path):
     assert not same(sea, again)
     # 25 s for a cell: three slots.
     assert set(np.unique(again.transit_slots)) == {0, 1, 2}
-    assert set(np.unique(again.progress.round(3))) == {0, 0.333, 0.667}
+    assert set(np.unique(progress(again.transit_slots).round(3))) == {0, 0.333, 0.667}
     way = again.positions() - again.path
     assert ((way != 0).any(axis=-1) == (again.transit_slots > 0)).all()
     assert np.abs(np.diff(again.positions(only_arriving=True), axis=0)).max() < 1 / 3 + 1e-9
@@ -300,10 +301,11 @@ def test_a_move_that_is_stopped_leads_nowhere():
         "episode.slot_s": 10,
     }
     recording = record_policy("paper/k3-fdd", "random-walk", overrides=changes)
-    arrives, under_way = recording.arrives, recording.transit_slots > 0
-    assert 0 < (under_way & ~arrives).sum() < under_way.sum()
+    under_way = recording.transit_slots > 0
+    leads = arrives(recording.path, recording.heading, recording.transit_slots)
+    assert 0 < (under_way & ~leads).sum() < under_way.sum()
     for slot, auv in np.argwhere(recording.blocked):
-        assert not arrives[slot, auv] or not under_way[slot, auv]
+        assert not leads[slot, auv] or not under_way[slot, auv]
 
 
 def test_recordings_of_before_know_nothing_of_it(data):
