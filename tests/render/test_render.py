@@ -12,10 +12,11 @@ from rich.cells import cell_len
 
 from iout_marl.policies import make_baseline
 from iout_marl.render import Snapshot, as_picture, as_text, print_text
-from iout_marl.render.labels import auv_name, energy_text
+from iout_marl.render.labels import age_text, auv_name, energy_text, total_energy_text
 from iout_marl.render.layout import axis_top, freest, place_auvs, place_nodes, round_step
 from iout_marl.render.projection import FROM_ABOVE, Projection
 from iout_marl.render.scene import Link, Passed, Scene
+from iout_marl.render.style import FAILED, rgba
 from iout_marl.scenario import load_scenario
 from iout_marl.world import World, node_codes
 
@@ -45,6 +46,22 @@ SITUATIONS = {
     "flat-cells": ("paper/k10-fdd", {"grid.spacing_m": [60, 100, 5]}, 9),
     "sonar": ("paper/k10-fdd", {"channel.kind": "sonar"}, 9),
 }
+SEA = {
+    "auvs": {"start_cells": [[2, 2, 1], [8, 8, 2]], "idle_choices": True},
+    "episode.slot_s": 10,
+    "vehicle": {
+        "kind": "battery",
+        "capacity_j": 6e5,
+        "drag_area_m2": 3.0,
+        "drag_coefficient": 0.006,
+        "propulsion_efficiency": 0.7,
+        "hotel_w": 200.0,
+        "docks": [[2, 2, 1], [5, 8, 2]],
+        "dock_power_w": 1000,
+    },
+    "storage": {"kind": "capacitor", "capacity_j": 300.0, "idle_w": 0.5},
+}
+SITUATIONS["sea"] = ("paper/k10-fdd", SEA, 4)
 some_situation = pytest.mark.parametrize("name", SITUATIONS)
 
 
@@ -420,3 +437,67 @@ def test_a_film_may_show_where_auvs_came_from(fdd):
         trails = [c for c in figure.artists if len(getattr(c, "get_segments", list)()) == 2]
         counts.append(len(trails))
     assert counts == [0, 1]
+
+
+@pytest.fixture(scope="module")
+def sea():
+    return situation("sea")
+
+
+SEA_CHANGES = {
+    "battery": {"battery": np.array([0.1, 0.9])},
+    "docks": {"docks": np.array([[7, 2, 1]])},
+    "no docks": {"docks": None},
+    "progress": {"progress": np.array([0.9, 0.9])},
+    "heading": {"headings": np.array([[2, 3, 1], [8, 3, 2]]), "transit_slots": np.array([0, 1])},
+    "asleep": {"asleep": np.arange(10) < 5},
+    "stranded": {"stranded": np.array([True, False])},
+}
+
+
+@pytest.mark.parametrize("change", SEA_CHANGES.values(), ids=SEA_CHANGES)
+def test_a_picture_of_the_sea_shows_it(sea, change):
+    pictures = [as_picture(replace(sea, **each)).astype(int) for each in ({}, change)]
+    assert np.abs(pictures[1] - pictures[0]).max() > 50
+
+
+def test_who_is_stranded_has_the_colour_of_failure(sea):
+    fine, stranded = (
+        as_picture(replace(sea, stranded=np.array([s, s]), heard=None)) for s in (False, True)
+    )
+    counts = [
+        (np.abs(each[:520, :500] - 255 * rgba(FAILED)[:3]).max(axis=-1) < 6).sum()
+        for each in (fine, stranded)
+    ]
+    assert counts[1] > counts[0] + 100
+
+
+def test_the_text_says_where_an_auv_is_and_goes_to(sea):
+    moving = replace(
+        sea,
+        headings=np.array([[2, 2, 1], [8, 7, 2]]),
+        transit_slots=np.array([0, 2]),
+        auv_positions=np.array([[2, 2, 1], [8, 8, 2]]),
+        stranded=np.array([False, True]),
+    )
+    a, b = (line for line in as_text(moving).split("\n") if line.startswith("AUV"))
+    assert "in dock" in a
+    assert " to " not in a
+    assert "to 8,7,2 in 2 slots" in b
+    assert b.endswith("stranded")
+    one = replace(moving, transit_slots=np.array([0, 1]))
+    assert "to 8,7,2 in 1 slot " in as_text(one)
+
+
+@pytest.mark.parametrize(
+    ("slots", "text"), [(0.04, "0.0"), (1, "1"), (2.46, "2.5"), (31.7, "32"), (1e6, "1e+06")]
+)
+def test_ages(slots, text):
+    assert age_text(slots) == text
+
+
+@pytest.mark.parametrize(
+    ("joules", "text"), [(0, "0.00 kJ"), (0.117, "117 mJ"), (5.5, "5.5 J"), (12, "0.01 kJ")]
+)
+def test_totals_of_energy(joules, text):
+    assert total_energy_text(joules) == text
