@@ -13,6 +13,7 @@ from rich.cells import cell_len
 from iout_marl.render import style
 from iout_marl.render.hull import hull_path
 from iout_marl.render.labels import auv_name
+from iout_marl.render.layout import stretched_axes
 from iout_marl.render.panel import Panel
 from iout_marl.render.projection import FROM_ABOVE, FROM_THE_SIDE, Projection
 from iout_marl.render.scene import Passed, Scene
@@ -219,10 +220,12 @@ def _draw_trajectory(trajectory: TrajectoryPlot) -> matplotlib.figure.Figure:
     scene = trajectory.scene()
     canvas = Canvas(figsize=(_WIDTH_IN, 4.4), dpi=style.DPI, facecolor="white")
     cells = f", in cells of {spacing_text(trajectory.episode.spacing_m)}"
+    # No room for both: how an axis is stretched stands there, too.
+    downwards = "" if stretched_axes(scene.edges_m) else ", z downwards"
     colours = np.tile(style.rgba(style.NODE), (len(scene.nodes), 1))
     for view, box, title in (
         (FROM_ABOVE, _MAP, f"From above{cells}"),
-        (FROM_THE_SIDE, _PROFILE, "From the side, z downwards"),
+        (FROM_THE_SIDE, _PROFILE, f"From the side{downwards}"),
     ):
         projection = Projection(canvas, view, scene.grid_shape, box, scene.edges_m)
         projection.draw_grid(title)
