@@ -19,7 +19,7 @@ import numpy as np
 
 from campaigns.campaign import Campaign, Tally
 from iout_marl import InputError, Scenario, World, bundled_names, load_scenario
-from iout_marl.errors import MAX_MESSAGE
+from iout_marl.errors import MAX_MESSAGE, Note
 from iout_marl.outlook import energy_outlook
 from iout_marl.scenario import bundled_root, to_yaml
 from iout_marl.world import node_codes, pin_layout
@@ -220,6 +220,8 @@ def run(rng: np.random.Generator, cases: int) -> Tally:
     families = [path.read_text() for path in bundled_root().glob("*.yaml")]
     with TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("error")
+        # What should be known of results is no fault of them.
+        warnings.simplefilter("ignore", Note)
         file = Path(folder) / "mutated.yaml"
         for _ in range(cases):
             name = words.choice(names)
