@@ -192,6 +192,7 @@ def _episode(r: Recording) -> dict[str, Any]:
         "grid": list(r.grid),
         "slot_s": r.slot_s,
         "max_age": r.maximum_age,
+        "over_time": r.ages_over_time,
         "gauge_j": r.snapshot(0).energy_yardstick_j,
         "auvs": r.num_auvs,
         "reasons": [[reason.code, displayable(reason.text)] for reason in r.reasons],

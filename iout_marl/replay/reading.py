@@ -97,8 +97,8 @@ class Reader:
             raise self.fault(name, f"must be a text, not {short(value)}")
         return value
 
-    def flag(self, name: str) -> bool:
-        value = self._data[name]
+    def flag(self, name: str, *, missing: bool | None = None) -> bool:
+        value = self._data.get(name, missing)
         if not isinstance(value, bool):
             raise self.fault(name, f"must be true or false, not {short(value)}")
         return value

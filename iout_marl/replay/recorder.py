@@ -140,6 +140,7 @@ class Recorder:
             maximum_age=float(scenario.age.maximum),
             reference_energy_j=float(world.representation.reference_energy_j),
             capacity_j=world.storage.capacity_j,
+            ages_over_time=world.sampling.is_continuous,
             docks=docks_of(world),
             duplex=world.duplex.label,
             splits_slot=world.duplex.splits_slot,

@@ -55,6 +55,7 @@ class Recording:
         maximum_age: A_max in slots.
         reference_energy_j: energy of an uplink over half the grid in J.
         capacity_j: the most that a node stores in J; None for no limit.
+        ages_over_time: whether means of ages are taken over time, and not of the ends of slots.
         duplex, splits_slot: what the duplex part is called; whether β divides slots.
         reasons: why uplinks have failed; `outcome` counts them from 1.
         nodes: (nodes, 3) cells.
@@ -115,6 +116,7 @@ class Recording:
     ages: Floats
     energy_j: Floats
     capacity_j: float | None = None
+    ages_over_time: bool = False
     battery: Floats | None = None
     heading: Integers | None = None
     transit_slots: Integers | None = None
@@ -275,6 +277,7 @@ class Recording:
             "splits_slot": self.splits_slot,
             "reasons": [[reason.code, reason.text] for reason in self.reasons],
             **({} if self.capacity_j is None else {"capacity_j": self.capacity_j}),
+            **({"ages_over_time": True} if self.ages_over_time else {}),
             **{
                 name: getattr(self, name).tolist()
                 for name in OPTIONAL_ARRAYS
@@ -331,6 +334,7 @@ class Recording:
             splits_slot=read.flag("splits_slot"),
             reasons=reasons,
             capacity_j=read.capacity(),
+            ages_over_time=read.flag("ages_over_time", missing=False),
             **read.optional_arrays(sizes, grid),
             **found,
         )

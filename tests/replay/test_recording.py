@@ -330,6 +330,16 @@ def test_without_batteries_none_is_recorded(data):
         Recording.from_json({**data, "battery": [[1.0]]})
 
 
+def test_how_ages_are_taken_is_written_where_it_is_over_time(data):
+    assert "ages_over_time" not in data
+    assert Recording.from_json(data).ages_over_time is False
+    overrides = {"age.sampling": "packet_start"}
+    written = record_policy("paper/k3-fdd", "greedy", 0, overrides=overrides).to_json()
+    assert Recording.from_json(written).ages_over_time is True
+    with pytest.raises(InputError, match="ages_over_time must be true or false, not 'no'"):
+        Recording.from_json({**data, "ages_over_time": "no"})
+
+
 def test_stores_without_limits_have_none(data):
     assert "capacity_j" not in data
     assert Recording.from_json(data).capacity_j is None

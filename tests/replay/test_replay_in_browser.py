@@ -12,7 +12,7 @@ from PIL import Image
 from polling import polling
 from watched import DESKTOP, Watched
 
-from iout_marl import record_policy
+from iout_marl import evaluate, record_policy
 from iout_marl.render.style import AGE_STOPS, DATA, ENERGY, FAILED, rgba
 from iout_marl.replay.page import render_page
 
@@ -484,3 +484,17 @@ def test_an_auv_that_names_nobody_says_so_and_has_failed_in_nothing(browser, tmp
     assert f"Nobody asked: {recording.heard.size - links} ×." in tally
     assert watched.complaints == []
     watched.context.close()
+
+
+def test_mean_so_far_is_that_of_the_metric_however_ages_are_taken(browser, tmp_path):
+    changes = {**SHORT, "age.sampling": "packet_start"}
+    for i, overrides in enumerate([SHORT, changes]):
+        recording = record_policy("paper/k3-fdd", "tour", 0, overrides=overrides)
+        path = tmp_path / f"{i}.html"
+        path.write_text(render_page([recording]), encoding="utf-8")
+        watched = Watched(browser, path.as_uri())
+        watched.page.keyboard.press("End")
+        shown = re.search(r"so far\s+([\d.]+)", watched.page.locator("body").inner_text())[1]
+        found = evaluate("paper/k3-fdd", "tour", 1, overrides=overrides).metrics["mean_aoi"].mean
+        assert shown == f"{found:.2f}"
+        watched.context.close()

@@ -185,10 +185,20 @@ class Episode {
   delivered(place) {
     return this.deliveries[place].reduce((a, b) => a + b, 0);
   }
-  /** Mean over the slots so far of the mean age. */
+  /** Mean of the mean age so far: over the ends of slots, or over time. */
   meanSoFar(place) {
     if (!place) return this.meanAges[0];
-    return this.meanAges.slice(1, place + 1).reduce((a, b) => a + b, 0) / place;
+    const each = Array.from({ length: place }, (_, slot) => (this.over_time ? this.meanWithin(slot) : this.meanAges[slot + 1]));
+    return each.reduce((a, b) => a + b, 0) / place;
+  }
+  /** Mean age over a slot, in which ages grow until they reach the highest. */
+  meanWithin(slot) {
+    let sum = 0;
+    for (let node = 0; node < this.numNodes; node++) {
+      const age = this.age(slot, node), grows = Math.min(this.max_age - age, 1);
+      sum += age + grows - grows * grows / 2;
+    }
+    return sum / this.numNodes;
   }
 }
 
