@@ -64,8 +64,8 @@ reproduce: $(EMISSIONS)
 	$(BIN)/iout reproduce
 
 # Tables that the software makes of itself, and the pages of the committed results;
-# RESULTS=runs/paper, MULTI=runs/multi, GAP=runs/gap and FAIRNESS=runs/fairness take over those
-# of new runs.
+# RESULTS=runs/paper, MULTI=runs/multi, GAP=runs/gap, FAIRNESS=runs/fairness and BAY=runs/bay take
+# over those of new runs.
 define PAGE
 	$(if $($(1)),mkdir -p docs/$(2) && cp $($(1))/results.json $($(1))/results.csv docs/$(2)/)
 	$(BIN)/iout report docs/$(2) --markdown docs/$(3).md
@@ -77,6 +77,7 @@ docs: $(RUNTIME)
 	$(call PAGE,MULTI,multi,multi-auv-results)
 	$(call PAGE,GAP,gap,gap-results)
 	$(call PAGE,FAIRNESS,fairness,fairness-results)
+	$(call PAGE,BAY,bay,bay-results)
 
 # Strictly: a warning, of a broken link say, is an error (and with --quiet it would not be one).
 site: $(SITE)

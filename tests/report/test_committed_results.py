@@ -25,6 +25,7 @@ COMMITTED = {
     "multi": ("multi", "multi-auv-results.md"),
     "gap": ("gap", "gap-results.md"),
     "fairness": ("fairness", "fairness-results.md"),
+    "bay": ("bay", "bay-results.md"),
 }
 
 

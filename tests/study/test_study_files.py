@@ -246,7 +246,7 @@ def test_a_mistake_is_told_with_file_and_line(tmp_path, changes, message):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("study", ["paper", "gap", "fairness", "multi"])
+@pytest.mark.parametrize("study", ["paper", "gap", "fairness", "multi", "bay"])
 def test_no_two_cells_of_a_study_are_described_alike(study):
     told = [cell.describe() for cell in cells_of(study)]
     assert len(set(told)) == len(told)
