@@ -26,29 +26,61 @@ def address(site):
         server.shutdown()
 
 
+class Visits:
+    """Pages, which must not complain, nor ask for anything but the site's own files."""
+
+    def __init__(self, browser):
+        self.browser, self.all = browser, []
+
+    def open(self, url, **options):
+        watched = Watched(self.browser, url, offline=False, **options)
+        self.all.append((url, watched))
+        return watched.page
+
+    def check(self):
+        for url, watched in self.all:
+            own = url[: url.index("/", 8) + 1] if url.startswith("http") else "file://"
+            ours = ("data:", "blob:", own)
+            assert [each for each in watched.requests if not each.startswith(ours)] == []
+            assert watched.complaints == []
+
+    def close(self):
+        for _, watched in self.all:
+            watched.context.close()
+
+
 @pytest.fixture
 def opened(browser):
-    """Opens a page; it must not complain, nor ask for anything but the site's own files."""
-    all_watched = []
-
-    def make(url, **options):
-        all_watched.append((url, Watched(browser, url, offline=False, **options)))
-        return all_watched[-1][1].page
-
-    yield make
-    for url, watched in all_watched:
-        watched.context.close()
-        own = url[: url.index("/", 8) + 1] if url.startswith("http") else "file://"
-        asked = [each for each in watched.requests if not each.startswith(("data:", "blob:", own))]
-        assert asked == []
-        assert watched.complaints == []
+    """Opens a page, and checks at the end what all of them did."""
+    visits = Visits(browser)
+    yield visits.open
+    visits.close()
+    visits.check()
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+# To load a page takes longer than all that is asked of it.
+@pytest.fixture(scope="module")
+def visited(browser, address, request):
+    """A page of the site and its colour scheme, for tests of several sizes."""
+    name, scheme = request.param
+    visits = Visits(browser)
+    page = visits.open(address + name, color_scheme=scheme)
+    page.wait_for_load_state("networkidle")
+    yield page, scheme, visits
+    visits.close()
+
+
+SCHEMES = [
+    pytest.param((name, scheme), id=f"{name}-{scheme}")
+    for name in PAGES
+    for scheme in ("light", "dark")
+]
+
+
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=lambda size: str(size["width"]))
-@pytest.mark.parametrize("name", PAGES)
-def test_page_can_be_read(opened, address, name, size, scheme):
-    page = opened(address + name, color_scheme=scheme)
+@pytest.mark.parametrize("visited", SCHEMES, indirect=True)
+def test_page_can_be_read(visited, size):
+    page, scheme, visits = visited
     page.set_viewport_size(size)
     page.wait_for_load_state("networkidle")
     assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
@@ -62,6 +94,7 @@ def test_page_can_be_read(opened, address, name, size, scheme):
     images = page.locator("article img")
     images.evaluate_all("(all) => all.forEach((image) => { image.loading = 'eager'; })")
     assert not any(image.evaluate(broken) for image in images.all())
+    visits.check()
 
 
 @pytest.mark.parametrize("by", ["server", "disk"])
