@@ -44,9 +44,10 @@ SYSTEMS = {"posix": os.name == "posix", "linux": sys.platform == "linux"}
 
 
 def pytest_collection_finish():
-    """Let the collector of garbage pass over what has been imported, once and for all."""
+    """Let the collector of garbage pass over what has been imported, and come less often."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
 
 
 def pytest_report_header():

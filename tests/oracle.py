@@ -11,6 +11,7 @@ nodes comes nobody.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -152,6 +153,9 @@ class Sound:
             self.noise_level_db = 10 * math.log10(band * 1000)  # the band in Hz, not kHz
         else:
             self.noise_level_db = channel.noise_level_db
+        # Looking for β asks for the same distance a hundred times.
+        self.harvested_w = functools.cache(self._harvested_w)
+        self.watts_per_snr = functools.cache(self._watts_per_snr)
 
     def alpha(self, f: float) -> float:
         """α in dB/km at f kHz, in the water of the scenario."""
@@ -170,7 +174,11 @@ class Sound:
         return spreading + self.absorption_db_per_km[f] * d / 1000
 
     def harvested_j(self, d: float, duration_s: float) -> float:
-        """Eqs. `SL`, `RL`, `p harvested` and `E harvested`, for all hydrophones, or an aperture."""
+        """Eq. `E harvested`."""
+        return self.harvested_w(d) * duration_s
+
+    def _harvested_w(self, d: float) -> float:
+        """Eqs. `SL`, `RL` and `p harvested`, for all hydrophones, or an aperture."""
         source, harvester = self.scenario.charging, self.scenario.harvester
         sl = 170.8 + 10 * math.log10(source.power_w) + 10 * math.log10(source.efficiency)
         sl += source.directivity_index_db
@@ -185,10 +193,10 @@ class Sound:
             passing_w = min(passing_w, source.power_w * source.efficiency)
         if harvester.kind == "aperture":
             rectified_w = passing_w if passing_w >= harvester.threshold_w else 0.0
-            return harvester.efficiency * rectified_w * duration_s
+            return harvester.efficiency * rectified_w
         available_w = 10 ** ((rl + harvester.sensitivity_db) / 10)
         available_w *= harvester.hydrophones / (4 * harvester.load_resistance_ohm)
-        return harvester.efficiency * min(available_w, passing_w) * duration_s
+        return harvester.efficiency * min(available_w, passing_w)
 
     def required_j(self, d: float, duration_s: float) -> float:
         """Eqs. `snr`, `p transmit` and `E transmited`; `sonar` through a real projector."""
@@ -217,7 +225,7 @@ class Sound:
         watts = uplink.electronics_w + acoustic_w / channel.uplink_efficiency
         return watts * (self.modem_s(d) - 2 * d / 1500)
 
-    def watts_per_snr(self, d: float) -> float:
+    def _watts_per_snr(self, d: float) -> float:
         """The power with which a node d away is as loud as the noise."""
         channel = self.scenario.channel
         level = self.attenuation_db(d, self.uplink_khz) + self.noise_level_db
@@ -441,13 +449,14 @@ class Oracle:
             harvested = self.sound.harvested_j(d, beta * tau)
             return credit + harvested - self.sound.required_j(d, (1 - beta) * tau)
 
-        best = summit(surplus, low, high)
         if duplex.beta_rule.kind == "stored":
             if suffices:
                 return 0.0
             if surplus(low) >= 0:
                 return low
+            best = summit(surplus, low, high)
             return sign_change(surplus, low, best) if surplus(best) >= 0 else 1.0
+        best = summit(surplus, low, high)
         if surplus(low) <= 0 <= surplus(best):
             return sign_change(surplus, low, best)
         return 0.0 if suffices else 1.0
