@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import torch
 from torch.multiprocessing.reductions import StorageWeakRef
 from torch.utils._python_dispatch import TorchDispatchMode
-from torch.utils._pytree import tree_flatten, tree_map_only
+from torch.utils._pytree import tree_flatten
 
 #: Operations that hold numbers of Python or NumPy, or that the host asks for one; they have no tag.
 OF_THE_HOST = {"aten::lift_fresh", "aten::is_nonzero"}
@@ -49,6 +49,20 @@ def waits(func, args):
     return not WAITING.isdisjoint(func.tags)
 
 
+def mapped(kind, function, value):
+    """What an operation is given, with `function` of all in it that is of a kind.
+
+    PyTorch's own `tree_map_only` is for nests of any kind, and takes ten times as long.
+    """
+    if isinstance(value, kind):
+        return function(value)
+    if isinstance(value, list | tuple):
+        return type(value)([mapped(kind, function, each) for each in value])
+    if isinstance(value, dict):
+        return {name: mapped(kind, function, each) for name, each in value.items()}
+    return value
+
+
 def key(tensor):
     return tensor.untyped_storage()._cdata
 
@@ -80,7 +94,7 @@ class EmulatedGraph(TorchDispatchMode):
         is_noise = torch.Tag.nondeterministic_seeded in func.tags
         if waits(func, args) or is_noise or func._schema.name in OF_THE_HOST:
             raise RecordingError(func._schema.name)
-        kept = tree_map_only(torch.Tensor, self._kept, (args, kwargs))
+        kept = mapped(torch.Tensor, self._kept, (args, kwargs))
         results = func(*args, **kwargs)
         given = {key(t) for t in tree_flatten((args, kwargs))[0] if isinstance(t, torch.Tensor)}
         new = {
@@ -106,7 +120,9 @@ class EmulatedGraph(TorchDispatchMode):
     def replay(self):
         self.replays += 1
         for func, kept, new in self.calls:
-            args, kwargs = tree_map_only(Outside, Outside.tensor, kept)
-            results = tree_flatten(func(*args, **kwargs))[0]
+            args, kwargs = mapped(Outside, Outside.tensor, kept)
+            results = func(*args, **kwargs)
+            if isinstance(results, torch.Tensor):
+                results = [results]
             for place, tensor in new.items():
                 tensor.copy_(results[place])
