@@ -68,6 +68,7 @@ def visited(browser, address, request):
     page.wait_for_load_state("networkidle")
     yield page, scheme, visits
     visits.close()
+    visits.check()
 
 
 SCHEMES = [
