@@ -36,6 +36,8 @@ from iout_marl.parts.reward import Reward, rewards
 from iout_marl.parts.storage import Rest, Storage, storages
 from iout_marl.parts.uplink import Uplink, uplinks
 from iout_marl.parts.vehicle import Vehicle, vehicles
+from iout_marl.scenario.data_files import DataFile
+from iout_marl.scenario.data_readers import read_arrays
 from iout_marl.scenario.fields import (
     Count,
     Decibels,
@@ -55,6 +57,7 @@ __all__ = [
     "Channel",
     "Context",
     "Count",
+    "DataFile",
     "Decibels",
     "Duplex",
     "Entry",
@@ -96,6 +99,7 @@ __all__ = [
     "networks",
     "optimizers",
     "placements",
+    "read_arrays",
     "representations",
     "rewards",
     "storages",

@@ -62,7 +62,7 @@ def _all_explained(found: Iterable[Key], section: Any, dotted: str) -> Iterator[
 
 
 def _text(value: Any) -> str:
-    plain = to_jsonable_python(value)
+    plain = to_jsonable_python(value, fallback=str)
     return printable(plain) if isinstance(plain, str) else json.dumps(plain, ensure_ascii=False)
 
 

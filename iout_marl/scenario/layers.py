@@ -167,17 +167,18 @@ def parse_file(path: Path, contents: bytes) -> Layer:
 _parsed_once = lru_cache(maxsize=64)(read_yaml)
 
 
-def overrides_layer(overrides: Overrides) -> Layer:
+def overrides_layer(overrides: Overrides, file: Path | None = None) -> Layer:
     """Dotted overrides as one layer, later ones over earlier ones.
 
     Args:
         overrides: `{"auvs.count": 3}`, `["auvs.count=3"]` or `"auvs.count=3"`, with values in
             YAML; a layer stays as it is.
+        file: where they are written, if they are: paths in them count from there.
 
     Raises:
         InputError: an override is not of the form `key=value`, or its value is no YAML.
     """
-    return overrides if isinstance(overrides, Layer) else _layer_of(_pairs(overrides))
+    return overrides if isinstance(overrides, Layer) else _layer_of(_pairs(overrides, file))
 
 
 def settings_layer(settings: Mapping[str, Any], places: Places) -> Layer:
@@ -212,7 +213,7 @@ def _layer_of(settings: Iterable[tuple[str, Any, str, Places]]) -> Layer:
 
 
 def _pairs(
-    overrides: str | Iterable[object] | Mapping[str, Any] | None,
+    overrides: str | Iterable[object] | Mapping[str, Any] | None, file: Path | None
 ) -> Iterable[tuple[str, Any, str, Places]]:
     """Key, value, what the override is called, and places in the value."""
     if isinstance(overrides, Mapping):
@@ -221,7 +222,7 @@ def _pairs(
                 raise InputError(f"override {show_value(key)}: keys are words, such as auvs.count")
             where = f"override {shorten(key)}"
             data = plain_value(value, where)
-            yield str(key), data, where, Places.throughout(data, where)
+            yield str(key), data, where, Places.throughout(data, where, str(file or ""))
         return
     texts = [overrides] if isinstance(overrides, str) else overrides
     if texts is None:

@@ -14,6 +14,7 @@ from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from iout_marl.errors import InputError
 from iout_marl.scenario.bases import mapping_layer, read_with_bases
+from iout_marl.scenario.data_files import PATH_OF, PathOf
 from iout_marl.scenario.layers import Layer, Overrides, overrides_layer, parse_file
 from iout_marl.scenario.naming import find_scenario, name_of, split_member
 from iout_marl.scenario.places import Places, show_value
@@ -82,9 +83,15 @@ def parse_scenario(path: Path, contents: bytes) -> Scenario:
     return validate(Scenario, with_preset(parse_file(path, contents), path))
 
 
-def to_yaml(scenario: Scenario) -> str:
-    """The whole scenario as YAML that `load_scenario` reads back."""
-    data = scenario.model_dump(mode="json")
+def to_yaml(scenario: Scenario, path_of: PathOf | None = None) -> str:
+    """The whole scenario as YAML that `load_scenario` reads back.
+
+    Args:
+        scenario: the scenario.
+        path_of: how the path of a file of data is written; by default as where it was found.
+    """
+    context = {} if path_of is None else {PATH_OF: path_of}
+    data = scenario.model_dump(mode="json", context=context)
     # What came later is shown only where it says something.
     if not scenario.allow_implausible:
         del data["allow_implausible"]

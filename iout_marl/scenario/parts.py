@@ -139,7 +139,7 @@ class PartOf:
 
 
 def _to_mapping(value: Settings, info: SerializationInfo) -> Any:
-    return value.model_dump(mode=info.mode)
+    return value.model_dump(mode=info.mode, context=info.context)
 
 
 def _to_word(value: Settings, info: SerializationInfo) -> Any:

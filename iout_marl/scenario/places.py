@@ -21,16 +21,19 @@ class Places:
     Attributes:
         where: `file:line`, or the override that wrote it; "" where only parts of it were.
         inside: the same for each key or list index below it.
+        file: the file in which it was written; "" where that was none.
     """
 
     where: str = ""
     inside: dict[str | int, Places] = field(default_factory=dict)
+    file: str = ""
 
     @classmethod
-    def throughout(cls, data: object, where: str) -> Places:
+    def throughout(cls, data: object, where: str, file: str = "") -> Places:
         """The same place for a value and for each key of the mappings in it."""
         parts = data if isinstance(data, dict) else {}
-        return cls(where, {key: cls.throughout(value, where) for key, value in parts.items()})
+        inside = {key: cls.throughout(value, where, file) for key, value in parts.items()}
+        return cls(where, inside, file)
 
     def nearest(self, path: KeyPath) -> str:
         """Where `path` was written, or else the nearest key above it; "" for nowhere."""
@@ -41,6 +44,15 @@ class Places:
             places = places.inside[key]
             where = places.where or where
         return where
+
+    def file_of(self, path: KeyPath) -> Path | None:
+        """The file in which what stands at `path` was written; None where that was none."""
+        places = self
+        for key in path:
+            if key not in places.inside:
+                break
+            places = places.inside[key]
+        return Path(places.file) if places.file else None
 
 
 def show_path(path: KeyPath) -> str:

@@ -11,6 +11,7 @@ from pydantic_core import ErrorDetails
 
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.outside import load_entry_points
+from iout_marl.scenario.files_named import with_files_read
 from iout_marl.scenario.keys import Unknown, all_keys, unknown_keys
 from iout_marl.scenario.layers import Layer
 from iout_marl.scenario.places import KeyPath, shorten, show_path, show_value
@@ -34,7 +35,7 @@ def validate(model: type[Model], layer: Layer) -> Model:
     """
     load_entry_points()
     try:
-        return model.model_validate(layer.data)
+        return model.model_validate(with_files_read(model, layer))
     except ValidationError as error:
         # Models allow none of them, but name one at a time.
         if unknown := _describe_unknown(model, unknown_keys((model,), layer.data), layer):

@@ -217,6 +217,8 @@ def _in_words(values: dict[str, Any]) -> str:
     if kind in ("number", "integer"):
         whole = ["whole"] if kind == "integer" else []
         return ", ".join(filter(None, [*whole, _limits_in_words(values)])) or "any number"
+    if values.get("format") == "path":
+        return "path of a file"
     if kind == "array":
         if "prefixItems" in values:
             items = values["prefixItems"]

@@ -12,6 +12,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.registry import on_change
+from iout_marl.scenario.data_files import PATH_OF
 from iout_marl.scenario.fields import (
     Section,
     Text,
@@ -328,7 +329,7 @@ class Scenario(Section):
         return self._digest("reward", "training", "allow_implausible")
 
     def _digest(self, *without: str) -> str:
-        text = self.model_dump_json(exclude=set(without))
+        text = self.model_dump_json(exclude=set(without), context={PATH_OF: None})
         # Adding 0 makes −0.0, which equals 0.0, the same in writing too.
         data = json.loads(text, parse_float=lambda number: float(number) + 0.0)
         text = json.dumps(_hashed(self, data), sort_keys=True, separators=(",", ":"))

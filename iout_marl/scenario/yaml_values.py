@@ -250,7 +250,9 @@ class _Reader:
         return self._places(node, node.line)
 
     def _places(self, node: _Node, line: int) -> Places:
-        places = Places(f"{self._name}:{line}" if self._is_file else self._name)
+        places = Places(self._name)
+        if self._is_file:
+            places = Places(f"{self._name}:{line}", file=self._name)
         if isinstance(node.value, dict):
             for key, (key_line, value) in node.value.items():
                 places.inside[key] = self._places(value, key_line)

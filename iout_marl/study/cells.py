@@ -165,7 +165,7 @@ def _expand_group(
         where = layer.origin(("groups", name, "scenarios", i))
         settings = {**group.settings, **changes, **point, **short.settings}
         try:
-            above = overrides.over(overrides_layer(settings))
+            above = overrides.over(overrides_layer(settings, study_file))
             scenario = load_scenario(_find(source, study_file), above, beside=beside)
         except InputError as error:
             raise InputError(f"{where}: groups.{name}: {error}") from None

@@ -6,6 +6,7 @@
 | `policy.safetensors`, `policy.json` | the networks' weights, and their shape |
 | `checkpoint.pt` | all that training continues from |
 | `result.json` | the final policy's evaluation |
+| `data-*` | copies of the files of data that the scenario names, by their SHA-256 |
 | `run.json` | which contents of the files above belong together, see `trainers.runs.saving` |
 | `metrics.jsonl` | a line for every iteration |
 | `events.out.tfevents.*` | the same for TensorBoard |
@@ -30,10 +31,19 @@ import safetensors.torch
 import torch
 
 from iout_marl.errors import InputError
-from iout_marl.files import LOCK_NAME, parse_json, reason, to_json, user_path
+from iout_marl.files import (
+    LOCK_NAME,
+    parse_json,
+    read_if_there,
+    reason,
+    to_json,
+    user_path,
+    write_atomically,
+)
 from iout_marl.outside import load_entry_points, source_of
 from iout_marl.registry import registry_of
 from iout_marl.scenario import Scenario, parse_scenario
+from iout_marl.scenario.data_files import data_files
 from iout_marl.scenario.parts import outside_parts
 from iout_marl.world import WORLD_VERSION, World
 from trainers.base import BaseTrainer
@@ -49,6 +59,8 @@ FORMAT = 2
 _RENAMED = {"return_spread": "return_std", "simulation": "collector"}
 #: Patterns of the files that a run writes beside its saves.
 LOGS = ("metrics.jsonl", "metrics.jsonl.part", "events.out.tfevents.*")
+#: Pattern of the copies of files of data.
+COPIES = "data-*"
 #: What `policy.json` must say to be of use, and in which type.
 _SHAPE = {"world_hash": str, "source_world_hash": str, "mask_actions": bool}
 
@@ -107,6 +119,19 @@ class RunFolder:
             InputError: it cannot be made.
         """
         beginning.begin(self.path / saving.MANIFEST, LOGS)
+
+    def copy_data(self, scenario: Scenario) -> None:
+        """Put copies of a scenario's files of data where its `scenario.yaml` looks for them.
+
+        They are no part of the saves: the scenario has the SHA-256 of each.
+
+        Raises:
+            InputError: one cannot be written.
+        """
+        for file in set(data_files(scenario)):
+            path = self.path / file.name_of_copy
+            if read_if_there(path) != file.contents:
+                write_atomically(path, file.contents)
 
     def saved_files(
         self, trainer: BaseTrainer, state: dict[str, Any], policy: int = 0
@@ -283,7 +308,7 @@ class RunFolder:
 
 def is_of_a_run(name: str) -> bool:
     """Whether a file of this name in a run's folder is the run's."""
-    own = (*saving.NAMES, saving.MANIFEST, *LOGS, LOCK_NAME)
+    own = (*saving.NAMES, saving.MANIFEST, *LOGS, COPIES, LOCK_NAME)
     return any(fnmatchcase(name, pattern) for pattern in own)
 
 

@@ -52,8 +52,10 @@ def write_runs(trainer: BaseTrainer, runs: Sequence[RunFolder], group_folder: Pa
         if not _is_finite([state["network"], state["optimizer"]]):
             raise NotFiniteError(run)
         if trainer.runtime.group.rank == 0:
+            scenario = trainer.scenarios[i]
+            run.copy_data(scenario)
             files[run.path] = {
-                "scenario.yaml": to_yaml(trainer.scenarios[i]).encode(),
+                "scenario.yaml": to_yaml(scenario, lambda file: file.name_of_copy).encode(),
                 **run.saved_files(trainer, state, i),
             }
     if files:
