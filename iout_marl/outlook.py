@@ -38,7 +38,7 @@ def energy_outlook(scenario: Scenario) -> str | None:
     try:
         with np.errstate(all="ignore"):  # what overflows is too dear, what vanishes is nothing
             link = Link(scenario, grid, Backend.from_library())
-            return _outlook(scenario, link, _offsets(scenario, grid))
+            return _outlook(scenario, link, _offsets(scenario, grid, link))
     except InputError as error:
         return f"no world can be made of this scenario: {error}"
 
@@ -110,22 +110,22 @@ def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> 
     return None
 
 
-def _offsets(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
+def _offsets(scenario: Scenario, grid: Grid, link: Link) -> npt.NDArray[np.int64]:
     """Indices of the links between any cell and any node.
 
     Entries that no pair has are as within one cell.
     """
     placement = scenario.nodes.part
-    every = np.arange(2 * grid.num_codes - 1)
+    every = np.arange(len(link.way_m))
     if placement.redraws != "never" or grid.num_cells * scenario.num_nodes > MAX_PAIRS:
         return every
     cells = grid.encode(grid.all_coordinates())
     given = grid.encode(placement.draw(grid, np.random.default_rng(0)))
-    return np.unique(cells[:, None] - given + grid.offset_origin)
+    return np.unique(link.offset(cells[:, None], given))
 
 
 def _loss(link: Link, distance_m: float, frequency_khz: float) -> str:
-    loss_db = float(link.budget.attenuation_db(distance_m, frequency_khz))
+    loss_db = link.loss_db(distance_m, frequency_khz)
     return f"over {distance_m:g} m sound of {frequency_khz:g} kHz loses {loss_db:,.0f} dB"
 
 

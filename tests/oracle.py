@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from oracle_losses import Losses
 from oracle_polling import Polls
 from oracle_stores import Stores
 from oracle_team import Notebook
@@ -131,6 +132,18 @@ def mean_within(a: float, b: float, c: float) -> float:
     return total
 
 
+class Way(float):
+    """A distance in m that knows its two cells: that of the listener at sea, and the other."""
+
+    cells: tuple[Cell, Cell]
+
+    @classmethod
+    def between(cls, metres: float, one: Cell, other: Cell) -> Way:
+        way = cls(metres)
+        way.cells = one, other
+        return way
+
+
 class Sound:
     """Energies that the channel of a scenario carries over a distance d in m."""
 
@@ -142,6 +155,7 @@ class Sound:
         self.uplink_khz = duplex.uplink_frequency_khz if fdd else duplex.frequency_khz
         alone = scenario.num_auvs == 1 or channel.access.kind != "orthogonal"
         self.bandwidth_hz = uplink.bandwidth_hz / (1 if alone else scenario.num_auvs)
+        self.losses = Losses.from_scenario(scenario)
         self.absorption_db_per_km = {f: self.alpha(f) for f in (self.charging_khz, self.uplink_khz)}
         if channel.kind == "sonar":
             half_khz = self.bandwidth_hz / 2000
@@ -167,6 +181,8 @@ class Sound:
 
     def attenuation_db(self, d: float, f: float) -> float:
         """AL: eq. `AL`; `table` without its factor 10, as the appendix has it."""
+        if self.losses:
+            return self.losses.between_db(*d.cells, f)
         factor = 1 if self.scenario.channel.kind == "table" else 10
         spreading = 0.0
         if d > 1:
@@ -325,10 +341,10 @@ class Oracle:
 
     def between_m(self, one: Cell, other: Cell) -> float:
         """Between the centres of two cells; within a cell what the scenario takes it for."""
-        if one == other:
-            return self.own_cell_m
-        squares = self.squared_shortest(one, other)
-        return math.sqrt(squares) * min(edges(self.scenario))
+        metres = self.own_cell_m
+        if one != other:
+            metres = math.sqrt(self.squared_shortest(one, other)) * min(edges(self.scenario))
+        return Way.between(metres, one, other)
 
     def squared_shortest(self, one: Cell, other: Cell) -> float:
         """Squared distance of two cells in shortest edges: of cubes a whole number."""
@@ -555,8 +571,9 @@ class Oracle:
                     break
             if not failed:
                 break
-            far = {a: self.distance_m(a, node) for a, node in sending.items()}
-            silent = min(sending, key=lambda a: (-far[a], self.auv_cells[a]))
+            ways = {a: self.distance_m(a, node) for a, node in sending.items()}
+            weak = {a: self.sound.watts_per_snr(way) for a, way in ways.items()}
+            silent = min(sending, key=lambda a: (-weak[a], self.auv_cells[a]))
             self.silenced += 1
             sending = {auv: node for auv, node in sending.items() if auv != silent}
         for auv, node in sending.items():

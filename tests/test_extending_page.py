@@ -52,7 +52,7 @@ def test_every_role_has_a_row(registry):
     name, base, key = row
     assert getattr(parts, name) is registry
     assert getattr(parts, base) is registry.base
-    settings = load_scenario("paper/k3-tdd", {"observation.entries": ["time"]})
+    settings = load_scenario("paper/k3-tdd", {"observation.entries": ["time"], "channel": "sonar"})
     for word in key.split("."):
         settings = getattr(settings, word)
     first = settings[0] if isinstance(settings, tuple) else settings

@@ -35,14 +35,19 @@ class LinkBudget:
     @unheard
     def harvested_power_w(self, distance_m: ArrayLike) -> Array:
         """Power that a node harvests from an AUV `distance_m` away, in W."""
+        return self.harvested_after_loss_w(
+            self.attenuation_db(distance_m, self.charging_frequency_khz)
+        )
+
+    @unheard
+    def harvested_after_loss_w(self, loss_db: ArrayLike) -> Array:
+        """Power that a node harvests from an AUV whose sound loses so many dB, in W."""
         charging = self._scenario.charging
         source_level = physics.source_level_db.unchecked(
             charging.power_w, charging.efficiency, charging.directivity_index_db
         )
         received = physics.received_level_db.unchecked(
-            float(source_level),
-            self.attenuation_db(distance_m, self.charging_frequency_khz),
-            self._channel.charging_noise_db,
+            float(source_level), loss_db, self._channel.charging_noise_db
         )
         return self._harvester.harvested_power_w(received, charging.power_w * charging.efficiency)
 
@@ -50,6 +55,14 @@ class LinkBudget:
     def power_per_snr_w(self, distance_m: ArrayLike) -> Array:
         """Power that a node `distance_m` away transmits with for an SNR of 1, in W."""
         return bounded(self._power_per_snr_w(distance_m), *UPLINK_W)
+
+    @unheard
+    def power_per_snr_after_loss_w(self, loss_db: ArrayLike) -> Array:
+        """Power for an SNR of 1 of a node whose sound loses so many dB, in W."""
+        power_w = self._channel.power_per_snr_after_loss_w(
+            loss_db, self.uplink_frequency_khz, self.bandwidth_hz
+        )
+        return bounded(power_w, *UPLINK_W)
 
     def _power_per_snr_w(self, distance_m: ArrayLike) -> Array:
         return self._channel.power_per_snr_w(

@@ -30,6 +30,10 @@ class SlotEnergies(NamedTuple):
 class Link:
     """What depends on where an AUV and a node lie to one another.
 
+    Its tables have an entry for each offset of two cells, or, where the channel tells more apart,
+    for each of its pairs of cells: "by offset" means either. What is tabulated by the offset of
+    cells whatever the channel is, such as the energy of a move, goes by `grid_offset`.
+
     Attributes:
         channel: the physics behind the tables.
         slot_s: τ in s.
@@ -40,6 +44,8 @@ class Link:
             uplink takes at least; (offsets,) each.
         way_m: by offset: the way from the centre of one cell to that of the other, 0 within one
             whatever `grid.own_cell_distance` says; (offsets,).
+        most_harvested_w: the most that a node harvests from one AUV, wherever they are.
+        may_harvest_nothing: whether there is an offset at which it harvests nothing.
 
     Raises:
         InputError: they are no numbers, or larger than numbers are here.
@@ -50,20 +56,36 @@ class Link:
         if doubt := scenario.harvester.part.doubt(scenario):
             warn_once(doubt)
         self.budget = LinkBudget(scenario)
+        self._scenario = scenario
         self.slot_s = scenario.slot_s
         self._longest_uplink_s: float = self.slot_s * scenario.duplex.part.longest_uplink
         self._xp = backend.xp
         self._origin = backend.integers(grid.offset_origin)
-        way_m = distance_m = bounded(grid.offset_distances_m(), 0.0, FARTHEST_M)
+        self._pairs = pairs = scenario.channel.part.pairs(grid)
+        way_m = grid.offset_distances_m() if pairs is None else pairs.way_m
+        way_m = distance_m = bounded(way_m, 0.0, FARTHEST_M)
         if scenario.grid.own_cell_distance == "mean":
-            own_cell_m = mean_distance_in_box(grid.edges_m)
-            distance_m = bounded(grid.offset_distances_m(own_cell_m), 0.0, FARTHEST_M)
-        harvested_w = self.budget.harvested_power_w(distance_m)
-        power_per_snr_w = self.budget.power_per_snr_w(distance_m)
+            distance_m = np.where(way_m == 0, mean_distance_in_box(grid.edges_m), way_m)
+            distance_m = bounded(distance_m, 0.0, FARTHEST_M)
+        if pairs is None:
+            harvested_w = self.budget.harvested_power_w(distance_m)
+            power_per_snr_w = self.budget.power_per_snr_w(distance_m)
+            self.most_harvested_w = float(self.budget.harvested_power_w(0.0))
+        else:
+            self._row, self._column = backend.integers(pairs.row), backend.integers(pairs.column)
+            charging_db, uplink_db = (
+                self._pair_loss_db(khz)
+                for khz in (self.budget.charging_frequency_khz, self.budget.uplink_frequency_khz)
+            )
+            harvested_w = self.budget.harvested_after_loss_w(charging_db)
+            power_per_snr_w = self.budget.power_per_snr_after_loss_w(uplink_db)
+            self.most_harvested_w = float(harvested_w.max())
+        self.may_harvest_nothing = bool((harvested_w == 0).any())
         uplink_j = self._uplink_j(power_per_snr_w, distance_m)
         in_range = uplink_j < DEAREST_J
         self._dearest_j = float(uplink_j.max(where=in_range, initial=0.0)) or DEAREST_J
         powers = {"power of an uplink": power_per_snr_w, "energy of an uplink": uplink_j}
+        self._distances_m, self._uplinks_j = distance_m, uplink_j
         check_link(scenario, float(harvested_w.max()), powers)
         self.distance_m = backend.floats(distance_m)
         self.way_m = self.distance_m if way_m is distance_m else backend.floats(way_m)
@@ -83,14 +105,38 @@ class Link:
     def reference_uplink_j(self, distance_m: float) -> float:
         """Energy of an uplink over a distance, to compare others with, in J.
 
-        Where that is out of range, it is the most that any uplink in range takes.
+        Where pairs of cells are told apart, it is that of one whose distance comes nearest. Where
+        it is out of range, it is the most that any uplink in range takes.
         """
-        energy_j = float(self._uplink_j(self.budget.power_per_snr_w(distance_m), distance_m))
+        if self._pairs is None:
+            energy_j = float(self._uplink_j(self.budget.power_per_snr_w(distance_m), distance_m))
+        else:
+            energy_j = float(self._uplinks_j[self._nearest(distance_m)])
         return energy_j if energy_j < DEAREST_J else self._dearest_j
+
+    def loss_db(self, distance_m: float, frequency_khz: float) -> float:
+        """Loss over a distance in dB; of pairs that are told apart, of one that comes nearest."""
+        if self._pairs is None:
+            return float(self.budget.attenuation_db(distance_m, frequency_khz))
+        return float(self._pair_loss_db(frequency_khz)[self._nearest(distance_m)])
+
+    def _pair_loss_db(self, frequency_khz: float) -> Array:
+        scenario = self._scenario
+        return scenario.channel.part.pair_loss_db(scenario, self._pairs, frequency_khz)
+
+    def _nearest(self, distance_m: float) -> int:
+        """The first index whose distance comes nearest to one."""
+        return int(np.argmin(np.abs(self._distances_m - distance_m)))
 
     def offset(self, cell: Array, node_cell: Array) -> Array:
         """Index into the tables for cells and nodes' cells of the same (broadcast) shape."""
-        return cell - node_cell + self._origin
+        if self._pairs is None:
+            return self.grid_offset(cell, node_cell)
+        return lookup(self._xp, self._row, cell) + lookup(self._xp, self._column, node_cell)
+
+    def grid_offset(self, cell: Array, other: Array) -> Array:
+        """Index into tables by code difference, see `Grid`, for cells of the same shape."""
+        return cell - other + self._origin
 
     def at(self, table: Array, offset: Array) -> Array:
         """Entries of one of the tables, in the shape of `offset`."""

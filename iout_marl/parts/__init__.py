@@ -34,6 +34,7 @@ from iout_marl.parts.optimizer import Optimizer, optimizers
 from iout_marl.parts.placement import Placement, placements
 from iout_marl.parts.reward import Reward, rewards
 from iout_marl.parts.storage import Rest, Storage, storages
+from iout_marl.parts.transmission import Transmission, transmissions
 from iout_marl.parts.uplink import Uplink, uplinks
 from iout_marl.parts.vehicle import Vehicle, vehicles
 from iout_marl.scenario.data_files import DataFile
@@ -82,6 +83,7 @@ __all__ = [
     "Reward",
     "Settings",
     "Storage",
+    "Transmission",
     "Uplink",
     "Uplinks",
     "Vehicle",
@@ -103,6 +105,7 @@ __all__ = [
     "representations",
     "rewards",
     "storages",
+    "transmissions",
     "uplinks",
     "vehicles",
 ]

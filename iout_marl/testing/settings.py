@@ -6,10 +6,12 @@ import pickle
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal, get_args, get_origin
 
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario, load_scenario, to_yaml
+from iout_marl.scenario.data_files import data_files
 from iout_marl.scenario.loading import parse_scenario
 from iout_marl.scenario.parts import Settings, part_of
 
@@ -26,7 +28,7 @@ def check_settings(scenario: Scenario, key: str, settings: Settings) -> None:
         AssertionError: they do not, or it is the same.
     """
     copies = {
-        "YAML": parse_scenario(Path("scenario.yaml"), to_yaml(scenario).encode()),
+        "YAML": _through_yaml(scenario),
         "pickling": pickle.loads(pickle.dumps(scenario)),
     }
     for what, copy in copies.items():
@@ -39,6 +41,15 @@ def check_settings(scenario: Scenario, key: str, settings: Settings) -> None:
         changed = _with_another(scenario, key, data, name, field.annotation)
         if changed is not None:
             assert changed.hash != scenario.hash, f"another value of {name} leaves the hash"
+
+
+def _through_yaml(scenario: Scenario) -> Scenario:
+    """A scenario written and read, beside copies of its files of data, as a run has it."""
+    with TemporaryDirectory() as folder:
+        for file in data_files(scenario):
+            (Path(folder) / file.name_of_copy).write_bytes(file.contents)
+        written = to_yaml(scenario, lambda file: file.name_of_copy)
+        return parse_scenario(Path(folder) / "scenario.yaml", written.encode())
 
 
 def _with_another(

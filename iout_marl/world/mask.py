@@ -50,11 +50,10 @@ class ActionMask:
         self._hears_another = scenario.duplex.part.num_choices > 1
         #: (auvs, auvs): 1 for each other AUV.
         self._others = backend.floats(1 - np.eye(scenario.num_auvs))
-        harvests = np.asarray(link.budget.harvested_power_w(context.grid.offset_distances_m()))
-        self._may_harvest_nothing = bool((harvests == 0).any())
+        self._may_harvest_nothing = link.may_harvest_nothing
         self._nothing = backend.floats(0.0)
         self._sees_others = scenario.observation.other_auvs
-        best_j = float(np.max(np.asarray(link.budget.harvested_power_w(0.0)))) * link.slot_s
+        best_j = link.most_harvested_w * link.slot_s
         self._others_at_best_j = backend.floats((scenario.num_auvs - 1) * best_j)
 
     def __call__(self, state: State) -> Array:

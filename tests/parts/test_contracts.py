@@ -2,6 +2,7 @@
 
 import pytest
 from batteries import BATTERY
+from loss_tables import by_cells, by_range_and_depth
 
 from iout_marl.parts import Part
 from iout_marl.registry import registries
@@ -45,6 +46,10 @@ SETTINGS = {
         {"name": "SGD", "options": {"momentum": 0.9}},
     ],
     ("channel", "sonar"): [{"absorption": {"kind": "francois_garrison"}, "wind_m_per_s": 5.0}],
+    ("transmission", "range_depth"): [
+        {"tables": [by_range_and_depth([40.0, 30.0])], "top_depth_m": 12.0}
+    ],
+    ("transmission", "cells"): [{"tables": [by_cells([40.0, 30.0], (4, 3, 2))]}],
     ("harvester", "hydrophone"): [
         {
             "sensitivity_db": -150,
@@ -68,6 +73,9 @@ OVERRIDES = {
         "auvs.count": 3,
     },
     ("observation entry", "unseen_for"): {"observation.view_range_m": 150},
+    ("transmission", "formula"): SEA,
+    ("transmission", "range_depth"): SEA,
+    ("transmission", "cells"): SEA,
     ("harvester", "hydrophone"): SEA,
     ("harvester", "aperture"): SEA,
     ("hearing", "polling"): {

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from batteries import BATTERY, DOCKS
+from loss_tables import by_cells, by_range_and_depth
 from oracle_episodes import ENVS, Case, codes, play
 
 from iout_marl.scenario import bundled_names
@@ -72,6 +73,24 @@ SONAR = {
     "uplink.packet_bits": 7500,
     "harvester.sensitivity_db": -177,
 }
+TWO_SMALL = {"auvs.start_cells": [[2, 2, 1], [3, 1, 2]]}
+
+
+def by_depth(frequencies_khz, **channel):
+    """Losses of a table by range and depths."""
+    tables = [by_range_and_depth(frequencies_khz)]
+    transmission = {"kind": "range_depth", "tables": tables, "top_depth_m": 7.0}
+    own = {**SONAR["channel"], **channel, "transmission": transmission}
+    return {**SONAR, "harvester.sensitivity_db": -140, "channel": own}
+
+
+def by_cell(*frequencies_khz):
+    """Losses of a table for each pair of cells, one file after the other."""
+    tables = [by_cells(each, SMALL_GRID["grid.cells"]) for each in frequencies_khz]
+    own = {**SONAR["channel"], "transmission": {"kind": "cells", "tables": tables}}
+    return {**SONAR, "harvester.sensitivity_db": -165, "channel": own, **SMALL_GRID}
+
+
 #: Stores that are soon full and soon empty again.
 CAPACITOR = {
     "storage": {
@@ -297,6 +316,18 @@ CASES = {
     "sonar-fdd": Case("paper/k3-fdd", FDD, {**SONAR, **WARM}),
     "sonar-tdd": Case("paper/k3-tdd", TDD, {**SONAR, **COLD}),
     "sonar-stored-thorp": Case("best/k3-tdd", TDD, SONAR),
+    "losses-by-depth-fdd": Case("paper/k3-fdd", FDD, by_depth([40.0, 30.0])),
+    "losses-by-depth-tdd-interference": Case(
+        "best/k3-tdd",
+        TDD | SHARED - {"contest at equal distance"},
+        {**by_depth([40.0], access="interference"), **FLAT_CELLS, **TWO_AUVS},
+    ),
+    "losses-by-cells-fdd": Case("paper/k3-fdd", FDD - {"no able node"}, by_cell([40.0], [30.0])),
+    "losses-by-cells-tdd": Case(
+        "paper/k3-tdd",
+        TDD | SHARED,
+        {**by_cell([40.0]), "observation.entries": ["harvests"], **TWO_SMALL},
+    ),
     "hydrophone-of-an-area-fdd": Case(
         "paper/k3-fdd", FDD, {**SONAR, "harvester.area_m2": 1e-6, "harvester.sensitivity_db": -150}
     ),

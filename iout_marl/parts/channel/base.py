@@ -7,6 +7,8 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
+from iout_marl.core.grid import Grid
+from iout_marl.core.pairs import Pairs
 from iout_marl.parts.absorption import Absorption
 from iout_marl.parts.access import Access
 from iout_marl.parts.base import Part
@@ -90,6 +92,24 @@ class Channel(Part):
         self, distance_m: ArrayLike, frequency_khz: float, bandwidth_hz: float
     ) -> Array:
         """Power that a node transmits with for an SNR of 1 in its band, in W."""
+        raise NotImplementedError
+
+    def pairs(self, grid: Grid) -> Pairs | None:  # noqa: ARG002
+        """The pairs of cells that its losses tell apart; None where the distance says all.
+
+        Of a channel that tells pairs apart, `pair_loss_db` and `power_per_snr_after_loss_w` are
+        asked in place of `attenuation_db` and `power_per_snr_w`.
+        """
+        return None
+
+    def pair_loss_db(self, scenario: Scenario, pairs: Pairs, frequency_khz: float) -> Array:
+        """Loss between the cells of each pair in dB, (pairs,)."""
+        raise NotImplementedError
+
+    def power_per_snr_after_loss_w(
+        self, loss_db: ArrayLike, frequency_khz: float, bandwidth_hz: float
+    ) -> Array:
+        """As `power_per_snr_w`, where sound loses so many dB."""
         raise NotImplementedError
 
     def as_uplink_w(self, acoustic_w: float) -> float:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from iout_marl import physics
+from iout_marl.core.grid import Grid
 from iout_marl.core.limits import UPLINK_W, bounded
+from iout_marl.core.pairs import Pairs
 from iout_marl.parts.channel.base import Channel, Shared, channels
+from iout_marl.parts.transmission import Transmission
 from iout_marl.physics.arrays import Array, ArrayLike
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import (
@@ -44,12 +47,28 @@ class Sonar(Channel):
         uplink_efficiency: Efficiency = 0.5
         #: Directivity index of a node's transmitter.
         uplink_directivity_index_db: Directivity = 0.0
+        #: By what rule sound loses its level; tables take the place of `spreading_factor` and
+        #: `absorption`.
+        transmission: Annotated[PartSettings, PartOf("transmission", is_word=True)] = Field(
+            "formula", validate_default=True
+        )
+
+        hash_defaults: ClassVar[dict[str, Any]] = {
+            **Shared.hash_defaults,
+            "transmission": "formula",
+        }
 
     settings: Settings
     has_physical_levels = True
 
+    @property
+    def _transmission(self) -> Transmission:
+        transmission: Transmission = self.settings.transmission.part
+        return transmission
+
     def check(self, scenario: Scenario) -> None:
         super().check(scenario)
+        self._transmission.check(scenario)
         duplex = scenario.duplex.part
         frequency_khz: float = duplex.uplink_frequency_khz
         if scenario.uplink.part.bandwidth_hz >= 2e3 * frequency_khz:
@@ -60,20 +79,29 @@ class Sonar(Channel):
             )
 
     def attenuation_db(self, distance_m: ArrayLike, frequency_khz: float) -> Array:
-        return physics.transmission_loss_db.unchecked(
-            distance_m, self.alpha_db_per_km(frequency_khz), self.settings.spreading_factor
-        )
+        return self._transmission.attenuation_db(distance_m, frequency_khz, self)
+
+    def pairs(self, grid: Grid) -> Pairs | None:
+        return self._transmission.pairs(grid)
+
+    def pair_loss_db(self, scenario: Scenario, pairs: Pairs, frequency_khz: float) -> Array:
+        return self._transmission.loss_db(scenario, pairs, frequency_khz)
 
     def power_per_snr_w(
         self, distance_m: ArrayLike, frequency_khz: float, bandwidth_hz: float
     ) -> Array:
+        loss_db = self.attenuation_db(distance_m, frequency_khz)
+        return self.power_per_snr_after_loss_w(loss_db, frequency_khz, bandwidth_hz)
+
+    def power_per_snr_after_loss_w(
+        self, loss_db: ArrayLike, frequency_khz: float, bandwidth_hz: float
+    ) -> Array:
         sea = self.settings
-        loss = self.attenuation_db(distance_m, frequency_khz)
         noise = physics.ambient_noise_band_level_db.unchecked(
             frequency_khz, bandwidth_hz, sea.shipping, sea.wind_m_per_s
         )
         return physics.sonar_transmit_power_w.unchecked(
-            1.0, loss, noise, sea.uplink_efficiency, sea.uplink_directivity_index_db
+            1.0, loss_db, noise, sea.uplink_efficiency, sea.uplink_directivity_index_db
         )
 
     def as_uplink_w(self, acoustic_w: float) -> float:

@@ -47,7 +47,7 @@ class OtherAuvs(Entry):
         """
         xp, link, (num_envs, num_auvs) = self.xp, self.world.link, cell.shape
         order = xp.argsort(
-            link.at(self._nearness, link.offset(cell[:, None, :], cell[:, :, None])),
+            link.at(self._nearness, link.grid_offset(cell[:, None, :], cell[:, :, None])),
             axis=-1,
         )[..., 1:]
         # Of AUVs in one cell any may come first: they look alike.

@@ -70,7 +70,7 @@ class Representation(Part):
         self._size = np.array(grid.shape, dtype=np.float64)
         self._least_age, self._maximum_age = scenario.age.least, float(scenario.age.maximum)
         # All AUVs at the node, charging it alone through the whole episode.
-        best_slot_j = float(link.budget.harvested_power_w(0.0)) * scenario.slot_s
+        best_slot_j = link.most_harvested_w * scenario.slot_s
         most_j = best_slot_j * scenario.num_slots * scenario.num_auvs
         self._most_j = scenario.storage.part.most_j(most_j)
 

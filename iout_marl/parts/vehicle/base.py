@@ -139,11 +139,11 @@ class Vehicle(Part):
 
     def propulsion_j(self, cell: Array, heading: Array) -> Array:
         """What a slot of the moves from cells to cells takes, (envs, auvs) in J."""
-        return lookup(self.xp, self._move_j, self.world.link.offset(heading, cell))
+        return lookup(self.xp, self._move_j, self.world.link.grid_offset(heading, cell))
 
     def slots(self, cell: Array, heading: Array) -> Array:
         """How many slots the moves from cells to cells take, (envs, auvs)."""
-        return lookup(self.xp, self._slots, self.world.link.offset(heading, cell))
+        return lookup(self.xp, self._slots, self.world.link.grid_offset(heading, cell))
 
     def first(self, num_envs: int) -> dict[str, Array]:
         """Fields of the first state of an episode."""
@@ -165,7 +165,7 @@ class Vehicle(Part):
         """
         if not self.is_limited:
             return self._as_before(state), state.battery_j
-        xp, offset = self.xp, self.world.link.offset(heading, state.cell)
+        xp, offset = self.xp, self.world.link.grid_offset(heading, state.cell)
         hotel_j = xp.where(stranded, state.battery_j, self._hotel_j)
         propulsion_j = lookup(xp, self._move_j, offset)
         charging_j = charging_s * self._charging_w
