@@ -6,8 +6,11 @@ Those for other libraries need environments of their own: `make integrations`.
 
 import importlib.util
 import json
+import shutil
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from common import SETTINGS, mean_aoi
@@ -99,3 +102,41 @@ def test_policy_of_ones_own(iout):
     # The same policy moves several AUVs, and in TDD.
     for scenario in ("multi/m3-k10-fdd", "paper/k3-tdd"):
         assert iout("evaluate", scenario, *words[:2])[0] == 0
+
+
+#: Losses at 10, 35.2, 138 and 600 m by kHz and depths, as Bellhop gives them for the example's sea:
+#: that of aubellhop 0.2.1, incoherent, Gaussian beams.
+BELLHOP_DB = {
+    (40.0, 20.0, 50.0): (29.464, 32.340, 40.384, 55.135),
+    (30.0, 35.0, 35.0): (19.980, 30.258, 39.660, 52.241),
+    (30.0, 50.0, 20.0): (29.281, 32.078, 39.681, 52.274),
+}
+
+
+@pytest.mark.parametrize("place", BELLHOP_DB, ids=str)
+def test_images_lose_what_bellhop_says(place):
+    khz, auv_m, node_m = place
+    range_m = np.array([10.0, 35.2471, 137.9878, 600.0])
+    found = load_example("transmission_loss.py").images_db(khz, range_m, auv_m, node_m)
+    assert found == pytest.approx(BELLHOP_DB[place], abs=0.05)
+
+
+def test_a_table_of_losses_is_written_and_used(tmp_path, monkeypatch, capsys):
+    out = tmp_path / "loss.npz"
+    monkeypatch.setattr(sys, "argv", ["transmission_loss.py", "--out", str(out)])
+    load_example("transmission_loss.py").main()
+    *losses, formula, table = capsys.readouterr().out.splitlines()
+    assert len(losses) == 3
+    assert formula.startswith("formula: mean AoI ")
+    assert table.startswith("table: mean AoI ")
+    assert formula.removeprefix("formula") != table.removeprefix("table")
+
+
+@pytest.mark.skipif(shutil.which("bellhop.exe") is None, reason="needs Bellhop on the path")
+def test_bellhop_gives_the_table_of_images():
+    example = load_example("transmission_loss.py")
+    range_m, depth_m = np.array([10.0, 100.0, 500.0]), np.array([20.0, 50.0])
+    found = example.bellhop_db("bellhop.exe", 30.0, range_m, 20.0, depth_m)
+    for i, node_m in enumerate(depth_m):
+        wanted = example.images_db(30.0, range_m, 20.0, node_m)
+        assert found[:, i] == pytest.approx(wanted, abs=0.1)

@@ -2,14 +2,25 @@
 
 import itertools
 
+import numpy as np
 import pytest
 from batteries import BATTERY
+from loss_tables import as_npz
 
 from iout_marl import InputError, Scenario, bundled_names, load_scenario
 from iout_marl.scenario import to_yaml
 from iout_marl.scenario.fields import Plausible
 from iout_marl.scenario.keys import all_keys, ranges, ranges_of
 
+#: Losses of a table that reaches to all depths.
+TABLE = as_npz(
+    frequency_khz=[40.0],
+    range_m=[10.0, 2000.0],
+    auv_depth_m=[0.0, 1e5],
+    node_depth_m=[0.0, 1e5],
+    loss_db=np.full((1, 2, 2, 2), 40.0),
+)
+LOSSES = {"kind": "range_depth", "tables": [TABLE], "top_depth_m": 12.0}
 #: The kinds that have between them every key with a range.
 WHOLE = [
     load_scenario(
@@ -19,7 +30,7 @@ WHOLE = [
         "best/k3-tdd",
         {
             "grid.origin": {"latitude_deg": 60.0, "longitude_deg": 5.0, "depth_m": 20.0},
-            "channel": {"kind": "sonar"},
+            "channel": {"kind": "sonar", "transmission": LOSSES},
             "harvester.area_m2": 0.02,
             "nodes": {"kind": "random", "count": 3},
             "observation.view_range_m": 100,

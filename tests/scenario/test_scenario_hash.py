@@ -293,6 +293,7 @@ def test_scenario_of_a_run_folder_of_an_earlier_version(name, hash_then, world_h
         "hearing: one",
         "  vehicle_energy_penalty_per_kj: 0.0",
         "  stranded_penalty: 0.0",
+        "  transmission: formula",
     ):
         text = text.replace(f"{key}\n", "")
     assert text == path.read_text(encoding="utf-8")
