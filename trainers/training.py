@@ -155,7 +155,7 @@ def train(
                 runs = new_runs(out, seed, replicas)
                 refuse_to_begin(out, runs, group)
                 trainer = Trainer(scenario, seed, device, replicas, group, use_graphs=use_graphs)
-                make_new(out, runs, group, held)
+                make_new(out, runs, trainer.scenarios, group, held)
         signals = held.enter_context(StopSignals(catch=catch_signals))
         if resume and group.rank == 0:
             for run in runs:

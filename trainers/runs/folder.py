@@ -57,10 +57,9 @@ from trainers.trained import TrainedPolicy
 FORMAT = 2
 #: What parts of older saves are called today.
 _RENAMED = {"return_spread": "return_std", "simulation": "collector"}
-#: Patterns of the files that a run writes beside its saves.
-LOGS = ("metrics.jsonl", "metrics.jsonl.part", "events.out.tfevents.*")
-#: Pattern of the copies of files of data.
-COPIES = "data-*"
+#: Patterns of the copies of files of data, and of all that a run writes beside its saves.
+COPIES = f"data-{'[0-9a-f]' * 12}-*"
+LOGS = ("metrics.jsonl", "metrics.jsonl.part", "events.out.tfevents.*", COPIES)
 #: What `policy.json` must say to be of use, and in which type.
 _SHAPE = {"world_hash": str, "source_world_hash": str, "mask_actions": bool}
 
@@ -308,7 +307,7 @@ class RunFolder:
 
 def is_of_a_run(name: str) -> bool:
     """Whether a file of this name in a run's folder is the run's."""
-    own = (*saving.NAMES, saving.MANIFEST, *LOGS, COPIES, LOCK_NAME)
+    own = (*saving.NAMES, saving.MANIFEST, *LOGS, LOCK_NAME)
     return any(fnmatchcase(name, pattern) for pattern in own)
 
 

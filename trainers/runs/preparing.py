@@ -8,6 +8,7 @@ from pathlib import Path
 
 from iout_marl.errors import InputError
 from iout_marl.files import LOCK_NAME, reason
+from iout_marl.scenario import Scenario
 from trainers.accel.processes import LostProcessError, ProcessGroup
 from trainers.runs import beginning, saving
 from trainers.runs.folder import RunFolder
@@ -32,8 +33,16 @@ def refuse_to_begin(out: Path, runs: Sequence[RunFolder], group: ProcessGroup) -
             _refuse(out, runs)
 
 
-def make_new(out: Path, runs: Sequence[RunFolder], group: ProcessGroup, held: ExitStack) -> None:
+def make_new(
+    out: Path,
+    runs: Sequence[RunFolder],
+    scenarios: Sequence[Scenario],
+    group: ProcessGroup,
+    held: ExitStack,
+) -> None:
     """Make the folders of new runs, and keep others out of them as long as `held` does.
+
+    They hold copies of their scenarios' files of data from then on.
 
     Raises:
         InputError: as `refuse_to_begin`; another process trains there; or they cannot be made.
@@ -49,8 +58,9 @@ def make_new(out: Path, runs: Sequence[RunFolder], group: ProcessGroup, held: Ex
         _refuse(out, runs)  # again: until now another process may have begun
         if runs[0].path != out:
             beginning.begin(out / saving.GROUP)
-        for run in runs:
+        for run, scenario in zip(runs, scenarios, strict=True):
             run.create()
+            run.copy_data(scenario)
 
 
 def take_over(

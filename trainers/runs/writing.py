@@ -82,7 +82,7 @@ def save_trainer(trainer: BaseTrainer, path: str | Path) -> None:
             check()
         else:
             refuse_to_begin(out, runs, group)
-            make_new(out, runs, group, held)
+            make_new(out, runs, trainer.scenarios, group, held)
         try:
             write_runs(trainer, runs, group_folder)
         except NotFiniteError as error:
