@@ -121,6 +121,15 @@ def test_images_lose_what_bellhop_says(place):
     assert found == pytest.approx(BELLHOP_DB[place], abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("grazing_deg", "size"),
+    [(5, 0.9509356213937), (24, 0.7904670843878), (26, 0.6862881290161), (80, 0.3542117916312)],
+)
+def test_the_bottom_reflects_as_arlpy_says(grazing_deg, size):
+    found = load_example("transmission_loss.py").bottom_reflection(np.radians(grazing_deg))
+    assert found == pytest.approx(size, rel=1e-12)
+
+
 def test_a_table_of_losses_is_written_and_used(tmp_path, monkeypatch, capsys):
     out = tmp_path / "loss.npz"
     monkeypatch.setattr(sys, "argv", ["transmission_loss.py", "--out", str(out)])

@@ -61,6 +61,39 @@ def test_francois_garrison_in_water_of_other_salinity_agrees_with_arlpy(
 
 
 @pytest.mark.parametrize(
+    ("frequency_khz", "temperature_c", "salinity_psu", "depth_m", "ph", "expected"),
+    [
+        (5, 4, 30, 3000, 7.7, 0.19575189288379335),
+        (40, 10, 35, 100, 8.0, 10.870712202885485),
+        (100, 27, 38, 1000, 8.2, 33.438601766546796),
+        (400, 0, 33, 10, 8.1, 99.33210480095414),
+    ],
+)
+def test_francois_garrison_is_that_of_arlpy_to_all_digits(
+    frequency_khz, temperature_c, salinity_psu, depth_m, ph, expected
+):
+    # At 20 °C exactly arlpy takes the other of the two fits of the water term: 2e-4 apart.
+    found = francois_garrison_absorption_db_per_km(
+        frequency_khz, temperature_c, salinity_psu, depth_m, ph
+    )
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("temperature_c", "salinity_psu", "depth_m", "expected"),
+    [
+        (5, 33, 4000, 1535.6927269999999),
+        (27, 35, 10, 1539.0866009307247),
+        (2, 30, 100, 1452.9659127722),
+        (15, 38, 2000, 1543.435307),
+    ],
+)
+def test_sound_speed_is_that_of_arlpy_to_all_digits(temperature_c, salinity_psu, depth_m, expected):
+    speed = mackenzie_sound_speed_m_per_s(temperature_c, salinity_psu, depth_m)
+    assert speed == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize(
     ("temperature_c", "salinity_psu", "depth_m", "printed"),
     [(25, 35, 1000, "1550.744"), (40, 40, 10_000, "1718.774"), (5, 33, 4000, "1535.693")],
 )

@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 import pytest
 from pydantic import Field
+from rich.console import Console
 from tiny_study import TINY
 
 from iout_marl import InputError, Trainer, load_scenario, parts
@@ -22,6 +23,7 @@ from iout_marl.scenario.json_schema import json_schema
 from iout_marl.study import expand, load_study
 from iout_marl.study.cells import Cell
 from iout_marl.study.worker import run_cell
+from trainers import Callback, train
 from trainers.runs.folder import RunFolder
 
 LIGHT = "hour,lux\n0,1.5\n6,2\n"
@@ -342,6 +344,19 @@ def test_runs_hold_copies_and_refuse_other_contents(folder):
     copy.unlink()
     with pytest.raises(InputError, match=r"moved.scenario\.yaml:\d+: reward\.light: no file"):
         run.scenario()
+
+
+def test_runs_hold_copies_before_their_first_save(folder):
+    scenario = load_scenario(write(folder / "a.yaml", "data/light.csv"), TINY)
+    found = []
+
+    class Look(Callback):
+        def on_start(self, training):
+            found.extend(path.read_text() for path in training.runs[0].path.glob("data-*"))
+            found.append((training.runs[0].path / "scenario.yaml").exists())
+
+    train(scenario, "run", console=Console(quiet=True), callbacks=[Look()], evaluation_episodes=1)
+    assert found == [LIGHT, False]
 
 
 def test_cells_of_a_study_carry_contents_and_bring_copies_back(folder):

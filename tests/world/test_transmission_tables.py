@@ -7,12 +7,13 @@ import pytest
 from loss_tables import as_npz, by_cells, by_range_and_depth
 from tiny_study import TINY
 
-from iout_marl import InputError, Trainer, World, bound, evaluate, load_scenario, physics
+from iout_marl import InputError, Trainer, World, bound, evaluate, load_scenario, parts, physics
 from iout_marl.core.grid import Grid
 from iout_marl.core.pairs import Pairs
 from iout_marl.outlook import energy_outlook
 from iout_marl.parts.transmission.range_depth import interpolated
 from iout_marl.policies.planned import PlannerPolicy
+from iout_marl.testing import check_part
 
 FREQUENCIES_KHZ = [40.0, 30.0]
 CELLS = (3, 2, 2)
@@ -276,6 +277,46 @@ def test_bounds_hold_and_the_planner_runs(make):
     assert energy_outlook(scenario) is None
     played = evaluate(scenario, PlannerPolicy(), 1).metrics["mean_aoi"].mean
     assert bound(scenario, seconds=0.5).best <= played + 1e-9
+
+
+def thermocline(loss_db):
+    """A rule of a user's own: sound loses so much between two layers."""
+
+    @parts.transmissions.register("thermocline", version=1)
+    class Thermocline(parts.Transmission):
+        """Spherical, and 10 dB across a thermocline between two layers."""
+
+        def pairs(self, grid):
+            return Pairs.from_layers(grid)
+
+    Thermocline.loss_db = loss_db
+
+
+def across_layers(self, scenario, pairs, frequency_khz):
+    is_across = pairs.auv_cells[:, 2] != pairs.node_cells[:, 2]
+    return 20 * np.log10(np.maximum(pairs.way_m, 1.0)) + 10.0 * is_across
+
+
+@pytest.mark.slow
+def test_a_rule_of_ones_own_keeps_the_contracts(forgotten_parts):
+    thermocline(across_layers)
+    check_part("transmission", "thermocline", overrides={"channel.kind": "sonar"})
+
+
+@pytest.mark.parametrize(
+    ("loss_db", "message"),
+    [
+        (lambda *_: 40.0, "loss_db must be a number for each of 60 pairs, not float64 of shape ()"),
+        (lambda self, _, pairs, __: pairs.way_m * np.nan, "loss_db is not finite at 30 kHz"),
+        (lambda *_: 1 / 0, "raises ZeroDivisionError"),
+    ],
+    ids=["shape", "nan", "raises"],
+)
+def test_a_rule_that_states_something_else_is_refused(forgotten_parts, loss_db, message):
+    thermocline(loss_db)
+    with pytest.raises(InputError) as caught:
+        load_scenario("paper/k3-fdd", {**SMALL, "channel.transmission": "thermocline"})
+    assert message in str(caught.value)
 
 
 def test_where_no_sound_arrives_the_outlook_says_so():
