@@ -9,14 +9,17 @@ from __future__ import annotations
 import copy
 import types
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from iout_marl.errors import InputError
+from iout_marl.registry import on_change
 from iout_marl.scenario.data_files import DataFile
 from iout_marl.scenario.layers import Layer
-from iout_marl.scenario.parts import PartOf, Settings
+from iout_marl.scenario.parts import PartOf
 from iout_marl.scenario.places import KeyPath, show_path
 
 
@@ -71,8 +74,7 @@ def _files(annotation: Any, value: Any, path: KeyPath) -> Iterator[tuple[KeyPath
 def _files_of_part(part: PartOf, value: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
     if isinstance(value, Mapping):
         kind = value.get("kind", part.default)
-        models: tuple[type[Settings], ...] = part.models()
-        for model in models:
+        for model in part.models():
             if model.entry.kind == kind:
                 yield from _files_of_section(model, value, path)
 
@@ -81,11 +83,38 @@ def _files_of_section(
     model: type[BaseModel], value: Any, path: KeyPath
 ) -> Iterator[tuple[KeyPath, Any]]:
     if isinstance(value, Mapping):
-        fields = model.model_fields
-        for key in value:
-            if key in fields:
-                field = fields[key]
-                annotation = field.annotation
-                if field.metadata:
-                    annotation = Annotated[(annotation, *field.metadata)]  # type: ignore[assignment]
+        for key, annotation in _fields(model).items():
+            if key in value:
                 yield from _files(annotation, value[key], (*path, key))
+
+
+@cache
+def _fields(model: type[BaseModel]) -> Mapping[str, Any]:
+    """The types of a section's fields that may hold files of data, or sections that do."""
+    fields = {name: _whole(field) for name, field in model.model_fields.items()}
+    return {name: each for name, each in fields.items() if _may_hold(each, frozenset([model]))}
+
+
+def _whole(field: FieldInfo) -> Any:
+    """A field's type with what it is annotated with."""
+    return Annotated[(field.annotation, *field.metadata)] if field.metadata else field.annotation
+
+
+def _may_hold(annotation: Any, above: frozenset[type[BaseModel]]) -> bool:
+    """Whether there may be files of data in a value of a type within some sections."""
+    if annotation is DataFile:
+        return True
+    models: tuple[type[BaseModel], ...] = ()
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        models = (annotation,)
+    for mark in getattr(annotation, "__metadata__", ()):
+        if isinstance(mark, PartOf):
+            models = mark.models()
+    return any(_may_hold(each, above) for each in get_args(annotation)) or any(
+        _may_hold(_whole(field), above | {model})
+        for model in set(models) - above
+        for field in model.model_fields.values()
+    )
+
+
+on_change.append(_fields.cache_clear)

@@ -82,3 +82,11 @@ def test_wheel_holds_the_packages_and_nothing_else(unpacked):
 def test_types_are_marked_as_such(unpacked):
     assert (unpacked / "iout_marl/py.typed").is_file()
     assert (unpacked / "trainers/py.typed").is_file()
+
+
+@pytest.mark.slow
+def test_all_that_lies_with_the_scenarios_is_in_the_wheel(unpacked):
+    def files(folder):
+        return {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()}
+
+    assert files(unpacked / "iout_marl/_scenarios") == files(REPOSITORY / "scenarios")
