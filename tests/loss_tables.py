@@ -60,3 +60,12 @@ def as_npz(**arrays):
     stream = io.BytesIO()
     np.savez(stream, **arrays)
     return DataFile("loss.npz", stream.getvalue())
+
+
+def on_disk(settings, folder):
+    """Settings whose tables are paths of files, as a scenario would write them."""
+    if "tables" not in settings:
+        return settings
+    for file in settings["tables"]:
+        (folder / file.name).write_bytes(file.contents)
+    return {**settings, "tables": [str(folder / file.name) for file in settings["tables"]]}

@@ -9,6 +9,7 @@ import re
 
 import numpy as np
 import pytest
+from loss_tables import on_disk
 from rich.console import Console
 from test_contracts import CELLS, OVERRIDES
 from test_contracts import SETTINGS as CONTRACTS
@@ -41,13 +42,15 @@ KNOWN = {}
 #: to how long a search is.
 SHORT = {"episode.duration_s": 150}
 FEW = {"FIRST_SEARCH": (24, 1), "ROUND_SEARCH": (48, 3)}
+#: Roles whose kinds have the settings that their contracts are tested with.
+ROLES = ("harvester", "hearing", "transmission", "uplink")
 #: All that is not a default: what a scenario says beneath holds for its own kind alone.
 SETTINGS = {
     ("placement", "fixed"): {"cells": CELLS},
     ("placement", "random"): {"count": 4},
     ("duplex", "tdd"): {"beta_rule": "stored"},
     ("optimizer", "torch"): {"name": "AdamW"},
-    **{key: of[0] for key, of in CONTRACTS.items() if key[0] in ("harvester", "hearing", "uplink")},
+    **{key: of[0] for key, of in CONTRACTS.items() if key[0] in ROLES},
     ("vehicle", "battery"): CONTRACTS["vehicle", "battery"][0],
     ("storage", "capacitor"): {"capacity_j": 400.0, "leakage_w": 0.2, "idle_w": 0.5},
 }
@@ -66,6 +69,7 @@ KEYS = {
     "optimizer": "training.optimizer",
     "placement": "nodes",
     "reward": "reward",
+    "transmission": "channel.transmission",
     "uplink": "uplink",
     "storage": "storage",
     "vehicle": "vehicle",
@@ -94,17 +98,18 @@ CASES = [
 
 # For all tests of a part: to register one takes time, as scenarios have other rules from then on.
 @pytest.fixture(scope="module")
-def pairs(request):
+def pairs(request, tmp_path_factory):
     """Scenarios with a part, and with the same part under another name."""
     role, kind = request.param
     registry = registry_of(role)
+    settings = on_disk(SETTINGS.get((role, kind), {}), tmp_path_factory.mktemp("data"))
     registry.register(AGAIN + kind, version=1)(registry[kind].item)
 
     def make(name, changes):
         """The overrides of a bundled scenario for both, and both scenarios."""
         both = []
         for each in (kind, AGAIN + kind):
-            data = {"kind": each, **SETTINGS.get((role, kind), {})}
+            data = {"kind": each, **settings}
             named = {KEYS[role]: [data] if role == "observation entry" else data}
             # The keys of another kind are none of this one's.
             rest = {k: v for k, v in changes.items() if not k.startswith(f"{KEYS[role]}.")}
