@@ -63,6 +63,7 @@ LEFT_OUT = {
     "storage.kind",
     "vehicle.kind",
     "hearing",
+    "channel.transmission",
 }
 #: Of some scenarios: keys that no other value goes with.
 DETERMINED = {
