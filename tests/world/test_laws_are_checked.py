@@ -8,7 +8,7 @@ from iout_marl.parts.access.interference import Interference
 from iout_marl.parts.beta_rule.stored import StoredRule
 from iout_marl.parts.duplex.fdd import FrequencyDivision
 from iout_marl.tracing.unrolled import unrolled_slot
-from iout_marl.world import world as world_module
+from iout_marl.world import transition
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
 from iout_marl.world.world import World
@@ -46,7 +46,7 @@ BROKEN = {
         "an uplink",
     ),
     "ages without an end": (
-        (world_module, "advance", lambda xp, age, maximum: (age + 1, age + 1)),
+        (transition, "advance", lambda xp, age, maximum: (age + 1, age + 1)),
         "ages rise by one",
     ),
     "AUVs in one cell": (

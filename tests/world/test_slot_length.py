@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from iout_marl import InputError, World, evaluate, load_scenario
-from iout_marl.bounds import bound
+from iout_marl.bounds import least_age_sum
 from iout_marl.breakdown import Tally
 from iout_marl.envs import AUVEnv, AUVVectorEnv
 from iout_marl.testing import check_vector_env
@@ -175,9 +175,10 @@ def test_ages_over_time_are_those_of_packets():
     assert mean_s == pytest.approx(total / world.num_slots * world.link.slot_s, rel=1e-3)
 
 
-def test_bounds_are_for_ages_in_whole_slots():
-    with pytest.raises(InputError, match=r"age\.sampling: packet_start: bounds are for ages in wh"):
-        bound("paper/k3-fdd", seconds=0, overrides={"age.sampling": "packet_start"})
+def test_sums_of_ages_are_bounded_in_whole_slots():
+    message = r"age\.sampling: packet_start: sums of ages are bounded in whole slots"
+    with pytest.raises(InputError, match=message):
+        least_age_sum("paper/k3-fdd", overrides={"age.sampling": "packet_start"})
 
 
 def test_all_slots_of_a_long_move_are_moving_ones():
