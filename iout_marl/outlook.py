@@ -11,6 +11,7 @@ from iout_marl.core.limits import DEAREST_J
 from iout_marl.core.link import Link, SlotEnergies
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario
+from iout_marl.world.placement import start_cells
 
 #: Pairs of a cell and a node that are looked at one by one; of more, all that the grid has.
 MAX_PAIRS = 5_000_000
@@ -26,8 +27,9 @@ def energy_outlook(scenario: Scenario) -> str | None:
     two where the least β harvests more than enough, the harvest of one slot must pay for an
     uplink in all of them. AUVs that disturb one another make uplinks dearer than they are here.
 
-    Of stores with limits that is never said: what is harvested may not be kept. Where they hold
-    less than the cheapest uplink takes, or lose in a slot what is harvested in it, they say so.
+    Of stores and vehicles with limits that is never said: what is harvested may not be kept, and an
+    AUV may have nothing to charge with. Where stores hold less than the cheapest uplink takes, or
+    lose in a slot what is harvested in it, or no battery pays for a slot of charging, it is said.
 
     It never suffices where an uplink takes more than a node could harvest in a whole episode.
 
@@ -50,17 +52,26 @@ def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> 
     slots = scenario.num_slots
     bounds = f"a slot harvests {_joules(poorest)} to {_joules(richest)}"
     energies = SlotEnergies(link, offsets, poorest, dearest, slots)
-    storage = scenario.storage.part
-    if not storage.is_limited and scenario.duplex.part.energy_never_binds(energies):
+    storage, vehicle = scenario.storage.part, scenario.vehicle.part
+    is_unlimited = not (storage.is_limited or vehicle.is_limited)
+    if is_unlimited and scenario.duplex.part.energy_never_binds(energies):
         disturbed = scenario.num_auvs > 1 and scenario.channel.part.access.uplinks_disturb
         when = "bind only where uplinks disturb one another" if disturbed else "never bind"
         uplink = f"the dearest uplink takes {_joules(dearest)}" + " alone" * disturbed
         return f"energy can {when}: {bounds}, and {uplink}"
     if richest == 0:
-        return "no node can ever be charged: from no cell of the grid does one harvest anything"
+        return "no node can ever be charged: from no cell that AUVs reach does one harvest anything"
+    if vehicle.is_limited and not scenario.duplex.part.splits_slot:
+        battery_j = vehicle.capacity_j if vehicle.docks else vehicle.initial_j
+        takes_j = (vehicle.hotel_w + scenario.charging.power_w) * link.slot_s
+        if battery_j < takes_j:
+            return (
+                "no node can ever be charged: a slot of charging and hotel load takes "
+                f"{_joules(takes_j)}, and the battery of an AUV has {_joules(battery_j)}"
+            )
     has_range = not scenario.uplink.part.fills_its_time
     if has_range and uplink_j.min() >= DEAREST_J:
-        return "no node can ever be heard: from every cell of the grid each is out of range"
+        return "no node can ever be heard: from every cell that AUVs reach each is out of range"
     if storage.capacity_j is not None and storage.capacity_j <= uplink_j.min():
         return (
             f"nothing can ever be delivered: a store holds {_joules(storage.capacity_j)}, and the "
@@ -111,7 +122,7 @@ def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> 
 
 
 def _offsets(scenario: Scenario, grid: Grid, link: Link) -> npt.NDArray[np.int64]:
-    """Indices of the links between any cell and any node.
+    """Indices of the links between any cell that AUVs may reach and any node.
 
     Entries that no pair has are as within one cell.
     """
@@ -119,9 +130,20 @@ def _offsets(scenario: Scenario, grid: Grid, link: Link) -> npt.NDArray[np.int64
     every = np.arange(len(link.way_m))
     if placement.redraws != "never" or grid.num_cells * scenario.num_nodes > MAX_PAIRS:
         return every
-    cells = grid.encode(grid.all_coordinates())
+    cells = grid.encode(_reached(scenario, grid))
     given = grid.encode(placement.draw(grid, np.random.default_rng(0)))
     return np.unique(link.offset(cells[:, None], given))
+
+
+def _reached(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
+    """Coordinates of cells, (cells, 3), beside which AUVs reach no other.
+
+    Along axes that no direction leads along they keep the coordinates of their starts.
+    """
+    cells, starts = grid.all_coordinates(), start_cells(scenario, grid)
+    for axis in np.flatnonzero(~np.array(scenario.auvs.motion.part.steps).any(axis=0)):
+        cells = cells[np.isin(cells[:, axis], starts[:, axis])]
+    return cells
 
 
 def _loss(link: Link, distance_m: float, frequency_khz: float) -> str:

@@ -91,7 +91,7 @@ AT_SEA = {
     [
         (
             {"harvester.threshold_w": 90, "charging.power_w": 100},
-            "no node can ever be charged: from no cell of the grid does one harvest anything",
+            "no node can ever be charged: from no cell that AUVs reach does one harvest anything",
         ),
         (
             {"harvester.threshold_w": 90},
@@ -113,13 +113,61 @@ AT_SEA = {
                 "uplink.required_snr_db": 40,
                 "channel.wind_m_per_s": 30,
             },
-            "no node can ever be heard: from every cell of the grid each is out of range",
+            "no node can ever be heard: from every cell that AUVs reach each is out of range",
         ),
         ({}, None),
     ],
 )
 def test_apertures_and_modems(changes, said):
     assert outlook(**AT_SEA, **changes) == said
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        # AUVs never come to the depth of the nodes, and so to no cell of one.
+        (
+            {"harvester.threshold_w": 1},
+            "no node can ever be charged: from no cell that AUVs reach does one harvest anything",
+        ),
+        (
+            {"harvester.threshold_w": 1, "auvs.motion": "hover"},
+            "a node can be charged from its own",
+        ),
+        (
+            {"uplink.maximum_source_level_db": 100},
+            "no node can ever be heard: from every cell that AUVs reach each is out of range",
+        ),
+        (
+            {"vehicle.capacity_j": 135e3},
+            (
+                "no node can ever be charged: a slot of charging and hotel load takes 1.36e+05 J, "
+                "and the battery of an AUV has 1.35e+05 J"
+            ),
+        ),
+        ({"vehicle.capacity_j": 137e3}, None),
+        ({"vehicle.initial_share": 0.009}, "no node can ever be charged: a slot of charging and"),
+        (
+            {
+                "vehicle.initial_share": 0.009,
+                "vehicle.docks": [[1, 1, 2]],
+                "vehicle.dock_power_w": 500,
+            },
+            None,
+        ),
+    ],
+)
+def test_of_a_bay(changes, said):
+    line = outlook("sea/bay", **changes)
+    assert line is None if said is None else line.startswith(said)
+
+
+def test_where_batteries_may_run_out_energy_can_bind():
+    plenty = {"harvester.sensitivity_db": 150}
+    battery = {"kind": "battery", "capacity_j": 1e9, "hotel_w": 40, "drag_area_m2": 3}
+    battery |= {"drag_coefficient": 0.006, "propulsion_efficiency": 0.7}
+    assert outlook(**plenty).startswith("energy can never bind")
+    assert outlook(**plenty, vehicle=battery) is None
 
 
 def test_a_grid_of_one_cell():
