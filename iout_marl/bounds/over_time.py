@@ -15,6 +15,7 @@ import numpy as np
 
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario.parts import outside_parts
 
 
 def in_whole_slots(scenario: Scenario) -> Scenario:
@@ -56,8 +57,10 @@ def _first_and_less(scenario: Scenario) -> tuple[float, float]:
 
 
 def _shortest_packet(scenario: Scenario) -> float:
-    """A share of the slot that every packet takes at least."""
+    """A share of the slot that every packet takes at least; 0 where a part from outside says it."""
     uplink, duplex = scenario.uplink.part, scenario.duplex.part
+    if [*outside_parts(scenario.uplink), *outside_parts(scenario.duplex)]:
+        return 0.0
     if uplink.has_own_time:
         return min(float(uplink.least_time_s(np.zeros(1), 1)[0]) / scenario.slot_s, 1.0)
-    return 0.0 if duplex.splits_slot or not duplex.has_tables else 1.0
+    return 0.0 if duplex.splits_slot else 1.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_worlds import least_sum_over_time, small_world
 
-from iout_marl import InputError, evaluate, load_scenario
+from iout_marl import InputError, evaluate, load_scenario, parts
 from iout_marl.bounds import bound, delivery_bound
 from iout_marl.bounds.over_time import in_whole_slots, mean_in_whole_slots, mean_over_time
 
@@ -70,3 +70,26 @@ def test_of_one_slot_there_is_none():
     scenario = load_scenario("paper/k3-fdd", {**OVER_TIME, "episode.duration_s": 25})
     with pytest.raises(InputError, match="two slots and more"):
         bound(scenario, seconds=1)
+
+
+@pytest.fixture
+def short_packets():
+    """A duplex part from outside whose packets take a tenth of the slot; its kind."""
+
+    class Short(parts.duplexes["fdd"].item):
+        """Packets at the end of the slot."""
+
+        def split(self, charging_offset, uplink_offset, stored_j):
+            split = super().split(charging_offset, uplink_offset, stored_j)
+            return split._replace(uplink_s=split.uplink_s / 10)
+
+    parts.duplexes.register("of_the_test", version=1)(Short)
+    yield "of_the_test"
+    parts.duplexes.unregister("of_the_test")
+
+
+def test_parts_from_outside_are_not_taken_to_fill_the_slot(short_packets):
+    changes = {"charging.power_w": 1e6, "duplex.kind": short_packets, **OVER_TIME}
+    scenario = load_scenario("paper/k3-fdd", changes)
+    reached = evaluate(scenario, "tour", 1).metrics["mean_aoi"].mean
+    assert delivery_bound(scenario) <= reached
