@@ -6,7 +6,7 @@ import pytest
 import torch
 from batteries import BATTERY, DOCKS
 
-from iout_marl import World, evaluate, iout_v0, load_scenario, parts
+from iout_marl import InputError, World, evaluate, iout_v0, load_scenario, parts
 from iout_marl.bounds import bound
 from iout_marl.core.state import VEHICLE_FIELDS
 from iout_marl.policies import Budget, PlannerPolicy
@@ -277,3 +277,24 @@ def test_why_an_empty_auv_hears_nobody_is_recorded(tiny):
     recording = record_policy(scenario, "greedy")
     codes = {reason.code for reason in recording.reasons}
     assert "stranded" in codes
+
+
+@pytest.mark.parametrize(
+    ("dock", "changes", "is_reached"),
+    [
+        ([12, 8, 2], {}, True),
+        ([1, 1, 3], {}, False),
+        ([1, 1, 3], {"auvs.motion": "hover"}, True),
+        ([1, 1, 3], {"auvs.start_cells": [[1, 1, 2], [5, 5, 3]]}, True),
+        # The second AUV starts in the farthest corner, near the surface.
+        ([1, 1, 1], {"auvs.count": 2}, True),
+    ],
+)
+def test_a_dock_lies_where_auvs_can_come(dock, changes, is_reached):
+    docks = {"vehicle.docks": [[1, 1, 2], dock], "vehicle.dock_power_w": 500}
+    if is_reached:
+        load_scenario("sea/bay", changes | docks)
+        return
+    said = r"vehicle\.docks\[1\]: no AUV can come to cell \[1, 1, 3\]: with auvs\.motion 'planar'"
+    with pytest.raises(InputError, match=said):
+        load_scenario("sea/bay", changes | docks)

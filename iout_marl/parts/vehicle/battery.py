@@ -23,6 +23,8 @@ from iout_marl.scenario.fields import (
     invalid,
 )
 from iout_marl.scenario.parts import Settings as PartSettings
+from iout_marl.scenario.starts import spread_starts
+from iout_marl.words import listed
 
 #: More docks than any fleet needs.
 MAX_DOCKS = 1_000
@@ -90,6 +92,7 @@ class Battery(Vehicle):
     def check(self, scenario: Scenario) -> None:
         for i, cell in enumerate(self.docks):
             scenario.check_cell(("vehicle", "docks", i), cell)
+        self._check_depths(scenario)
         slot_s, grid = scenario.slot_s, Grid.from_scenario(scenario)
         steps = np.array(scenario.auvs.motion.part.steps) * (np.array(grid.shape) > 1)
         speed = grid.metres(steps) / (Pace.from_scenario(scenario).slots * slot_s)
@@ -104,6 +107,24 @@ class Battery(Vehicle):
                     f"the battery does not last one slot: it has {energy_j:.3g} J, and a slot of "
                     f"{slot_s:g} s takes {hotel_j:.3g} J of hotel load and {move_j:.3g} J at least "
                     "for a move",
+                )
+
+    def _check_depths(self, scenario: Scenario) -> None:
+        """Refuse docks to which no direction leads from any start, as from another depth."""
+        auvs, grid = scenario.auvs, scenario.grid
+        still = np.flatnonzero(~np.array(auvs.motion.part.steps).any(axis=0))
+        if not (self.docks and len(still)):
+            return
+        starts = spread_starts(
+            auvs.start_cells, scenario.num_auvs, grid.cells, auvs.separation_cells
+        )
+        for i, cell in enumerate(self.docks):
+            if not (starts[:, still] + 1 == np.array(cell)[still]).all(axis=1).any():
+                raise invalid(
+                    ("vehicle", "docks", i),
+                    f"no AUV can come to cell {list(cell)}: with auvs.motion {auvs.motion.kind!r} "
+                    f"all keep the {listed(['xyz'[axis] for axis in still])} of their starts",
+                    beside=("auvs", "motion"),
                 )
 
     def what_it_adds(self, scenario: Scenario) -> str:
