@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -161,7 +162,8 @@ def _what_was_meant(kind: str, given: Any) -> str:
     if kind.startswith(("int", "float")) and isinstance(given, str):
         number = given.strip().replace("_", "")
         try:
-            float(number)
+            if not math.isfinite(float(number)):
+                return "; it must be finite"
         except ValueError:
             is_measure = number[:1].isdigit() and number[-1:].isalpha()
             return "; write the number alone: its unit is in the key" if is_measure else ""

@@ -155,6 +155,9 @@ LINES = {
     "charging: {power_w: '1e-3'}": (
         "charging.power_w: must be a valid number, not '1e-3'; write it without quotes: 1e-3"
     ),
+    "charging: {power_w: nan}": (
+        "charging.power_w: must be a valid number, not 'nan'; it must be finite"
+    ),
     "observation: {time: yes}": (
         "observation.time: must be a valid boolean, not 'yes'; did you mean true?"
     ),
