@@ -143,8 +143,10 @@ def _named(
     if world.scenario.auvs.idle_choices:
         spares = is_returning
         if world.duplex.num_choices == 1:
-            # What needs no charging is heard anyway.
-            missing = links(world, cell, state).missing_slots
-            spares = spares & (np.take_along_axis(missing, nodes, -1)[..., 0] > 0)
+            # What would be heard without being charged is heard anyway.
+            offset = np.take_along_axis(links(world, cell, state).offset, nodes, -1)[..., 0]
+            stored_j = np.take_along_axis(state.energy_j, nodes[..., 0], -1)
+            split = world.duplex.split(offset, offset, stored_j)
+            spares = spares & (np.asarray(split.charging_s) > 0)
         nodes[..., 0] = np.where(spares, world.num_nodes, nodes[..., 0])
     return nodes

@@ -37,6 +37,18 @@ def test_returns_in_time(case):
     assert found["uplink_success"].mean > 0.1
 
 
+def test_by_a_rule_that_charges_whom_it_hears_nobody_is_heard_on_the_way_back():
+    changes = {
+        "duplex": {"kind": "tdd", "frequency_khz": 30, "beta_rule": "airtime"},
+        "vehicle.docks": [[1, 1, 2]],
+        "vehicle.dock_power_w": 2500,
+        "vehicle.capacity_j": 2e6,
+    }
+    found = evaluate(load_scenario("sea/bay", changes), "return", 1).metrics
+    assert found["stranded_share"].mean == 0
+    assert found["docked_kj"].mean > 0
+
+
 def test_without_returning_it_would_be_stranded():
     scenario = scenario_of("fdd hover", capacity_j=1e6)
     assert evaluate(scenario, "tour", 1).metrics["stranded_share"].mean > 0.3
