@@ -249,8 +249,10 @@ class Scenario(Section):
                 "each AUV starts in one of its own",
                 beside=("grid", "cells"),
             )
-        if auvs.separation_cells > 1 and self.num_auvs > len(auvs.start_cells):
-            rule = (self.grid.cells, auvs.separation_cells)
+        axes_moved = auvs.motion.part.axes_moved
+        may_lack_room = auvs.separation_cells > 1 or not all(axes_moved)
+        if may_lack_room and self.num_auvs > len(auvs.start_cells):
+            rule = self.grid.cells, auvs.separation_cells, axes_moved
             found = len(spread_starts(auvs.start_cells, self.num_auvs, *rule))
             if found < self.num_auvs:
                 raise invalid(

@@ -35,7 +35,8 @@ def node_codes(
 def start_cells(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
     """Coordinates from 0 of the cells in which the AUVs start, (auvs, 3): see `spread_starts`."""
     auvs = scenario.auvs
-    return spread_starts(auvs.start_cells, scenario.num_auvs, grid.shape, auvs.separation_cells)
+    rule = grid.shape, auvs.separation_cells, auvs.motion.part.axes_moved
+    return spread_starts(auvs.start_cells, scenario.num_auvs, *rule)
 
 
 def redraws_every_episode(scenario: Scenario) -> bool:

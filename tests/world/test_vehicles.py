@@ -11,6 +11,7 @@ from iout_marl.bounds import bound
 from iout_marl.core.state import VEHICLE_FIELDS
 from iout_marl.policies import Budget, PlannerPolicy
 from iout_marl.replay.recorder import record_policy
+from iout_marl.world.placement import start_cells
 from trainers import Trainer
 
 TEAM = {"auvs.start_cells": [[5, 5, 2], [1, 2, 1], [3, 1, 2]]}
@@ -298,3 +299,10 @@ def test_a_dock_lies_where_auvs_can_come(dock, changes, is_reached):
     said = r"vehicle\.docks\[1\]: no AUV can come to cell \[1, 1, 3\]: with auvs\.motion 'planar'"
     with pytest.raises(InputError, match=said):
         load_scenario("sea/bay", changes | docks)
+
+
+def test_of_those_that_keep_their_depth_all_start_at_one_that_is_given():
+    scenario = load_scenario("sea/bay", {"auvs.count": 3})
+    assert {cell[2] for cell in start_cells(scenario, World(scenario).grid).tolist()} == {1}
+    with pytest.raises(InputError, match="only 96 AUVs find room"):
+        load_scenario("sea/bay", {"auvs.count": 97})

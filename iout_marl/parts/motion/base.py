@@ -33,6 +33,15 @@ class Motion(Part):
         """Whether an AUV may stay where it is."""
         return (0, 0, 0) in map(tuple, self.steps)
 
+    @property
+    def axes_moved(self) -> tuple[bool, ...]:
+        """Whether any direction leads along x, y and z."""
+        try:
+            steps = np.array(self.steps, dtype=np.int64).reshape(-1, 3)
+        except (TypeError, ValueError):
+            return True, True, True  # `check_stated` refuses them
+        return tuple((steps != 0).any(axis=0).tolist())
+
     def check_stated(self, scenario: Scenario) -> None:  # noqa: ARG002
         try:
             steps = np.array(self.steps)
