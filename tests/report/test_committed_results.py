@@ -13,6 +13,7 @@ from iout_marl.report.build import build_report
 from iout_marl.report.fronts import front_section
 from iout_marl.report.gaps import gaps_of
 from iout_marl.report.markdown import render_markdown
+from iout_marl.report.measures import metric as metric_text
 from iout_marl.report.measures import number
 from iout_marl.study import expand, load_study
 from iout_marl.study.results import read_results
@@ -75,6 +76,15 @@ def test_the_table_of_teams_is_of_the_results():
     for nodes in (10, 20, 50):
         for auvs in (1, 2, 3, 4):
             assert team_row(made, auvs, nodes) in text
+
+
+def test_the_table_of_the_bay_is_of_the_results():
+    made = committed("bay")
+    text = (DOCS / "sea.md").read_text(encoding="utf-8")
+    metrics = ("mean_aoi_s", "asleep_share", "stranded_share", "charging_kj", "battery_share")
+    for name in ("random-walk", "round-robin", "greedy", "PPO", "tour", "planner", "return"):
+        told = [metric_text(made.measured(name, 2000, metric), metric) for metric in metrics]
+        assert f"| {name} | {' | '.join(told)} |" in text
 
 
 @pytest.mark.parametrize("access", ["orthogonal", "exclusive"])
