@@ -167,9 +167,11 @@ class Sound:
             self.noise_level_db = 10 * math.log10(band * 1000)  # the band in Hz, not kHz
         else:
             self.noise_level_db = channel.noise_level_db
-        # Looking for β asks for the same distance a hundred times.
-        self.harvested_w = functools.cache(self._harvested_w)
-        self.watts_per_snr = functools.cache(self._watts_per_snr)
+        # Looking for β asks for the same distance a hundred times. With tables there is more to a
+        # way than its length.
+        known = (lambda function: function) if self.losses else functools.cache
+        self.harvested_w = known(self._harvested_w)
+        self.watts_per_snr = known(self._watts_per_snr)
 
     def alpha(self, f: float) -> float:
         """α in dB/km at f kHz, in the water of the scenario."""

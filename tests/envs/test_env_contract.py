@@ -39,9 +39,11 @@ def play(env, seed=0):
 @pytest.mark.parametrize("name", bundled_names())
 def test_bundled_scenario_plays_an_episode(name):
     env = iout_v0.parallel_env(name)
-    k = env.scenario.num_nodes
-    nodes = [k] * (2 if name.endswith("fdd") else 1)
-    assert env.action_space("auv_0") == spaces.MultiDiscrete([6, *nodes])
+    scenario = env.scenario
+    nodes = [scenario.num_nodes + scenario.auvs.idle_choices]
+    nodes *= 2 if scenario.duplex.kind == "fdd" else 1
+    directions = {"six": 6, "planar": 5}[scenario.auvs.motion.kind]
+    assert env.action_space("auv_0") == spaces.MultiDiscrete([directions, *nodes])
     *_, (_, _, _, truncations, _) = play(env)
     assert truncations == dict.fromkeys(env.possible_agents, True)
 

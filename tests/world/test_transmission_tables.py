@@ -321,7 +321,7 @@ def test_a_rule_that_states_something_else_is_refused(forgotten_parts, loss_db, 
 
 def test_where_no_sound_arrives_the_outlook_says_so():
     deaf = axes_of(loss_db=np.full((2, 3, 2, 2), 290.0))
-    assert "from every cell of the grid each is out of range" in energy_outlook(by_depth(deaf))
+    assert "from every cell that AUVs reach each is out of range" in energy_outlook(by_depth(deaf))
 
 
 @pytest.mark.slow
