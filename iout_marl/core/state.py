@@ -27,9 +27,7 @@ class State(NamedTuple):
     """A batch of environments between two slots. Shapes are (envs, auvs, nodes) in this order."""
 
     slot: Array  # (envs,) int: slots that are over
-    cell: (
-        Array  # (envs, auvs) int: code of each AUV's cell, see `Grid`; under way the one it leaves
-    )
+    cell: Array  # (envs, auvs) int: code of an AUV's cell, see `Grid`; under way the one it leaves
     node_cell: Array  # (envs, nodes) int: code of each node's cell
     age: Array  # (envs, nodes) float, slots: Age of Information A_k
     energy_j: Array  # (envs, nodes) float, J: energy stored

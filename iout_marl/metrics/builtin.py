@@ -60,6 +60,23 @@ def _has_limited_vehicles(scenario: Scenario) -> bool:
     return bool(scenario.vehicle.part.is_limited)
 
 
+def _energy_of_auvs(cause: str, definition: str, title: str = "") -> Metric:
+    """Energy of all AUVs by a cause, the field `{cause}_j` of the state."""
+    title = title or f"Energy for {cause}"
+    return Metric(
+        f"{cause}_kj",
+        lambda world, state: _over_auvs(world, getattr(state, f"{cause}_j")) / 1000,
+        definition=definition,
+        unit="kJ",
+        heading=f"{cause} kJ",
+        axis_title=f"{title} in kJ",
+        title=title,
+        tag=f"vehicle/{cause}_kj",
+        low=0.0,
+        applies=_has_limited_vehicles,
+    )
+
+
 def _reward(world: World, total: Array) -> Array:
     return world.backend.xp.mean(total, axis=1)
 
@@ -322,53 +339,15 @@ OF_VEHICLES = (
         low=0.0,
         applies=_has_limited_vehicles,
     ),
-    Metric(
-        "propulsion_kj",
-        lambda world, state: _over_auvs(world, state.propulsion_j) / 1000,
-        definition="Energy that all AUVs have spent on moves.",
-        unit="kJ",
-        heading="propulsion kJ",
-        axis_title="Energy for propulsion in kJ",
-        title="Energy for propulsion",
-        tag="vehicle/propulsion_kj",
-        low=0.0,
-        applies=_has_limited_vehicles,
-    ),
-    Metric(
-        "hotel_kj",
-        lambda world, state: _over_auvs(world, state.hotel_j) / 1000,
-        definition="Energy that all AUVs have drawn beside propulsion and charging.",
-        unit="kJ",
-        heading="hotel kJ",
-        axis_title="Energy for hotel load in kJ",
+    _energy_of_auvs("propulsion", "Energy that all AUVs have spent on moves."),
+    _energy_of_auvs(
+        "hotel",
+        "Energy that all AUVs have drawn beside propulsion and charging.",
         title="Energy for hotel load",
-        tag="vehicle/hotel_kj",
-        low=0.0,
-        applies=_has_limited_vehicles,
     ),
-    Metric(
-        "charging_kj",
-        lambda world, state: _over_auvs(world, state.charging_j) / 1000,
-        definition="Energy that all AUVs have drawn for charging nodes.",
-        unit="kJ",
-        heading="charging kJ",
-        axis_title="Energy for charging in kJ",
-        title="Energy for charging",
-        tag="vehicle/charging_kj",
-        low=0.0,
-        applies=_has_limited_vehicles,
-    ),
-    Metric(
-        "docked_kj",
-        lambda world, state: _over_auvs(world, state.docked_j) / 1000,
-        definition="Energy that docks have given to all AUVs.",
-        unit="kJ",
-        heading="docked kJ",
-        axis_title="Energy from docks in kJ",
-        title="Energy from docks",
-        tag="vehicle/docked_kj",
-        low=0.0,
-        applies=_has_limited_vehicles,
+    _energy_of_auvs("charging", "Energy that all AUVs have drawn for charging nodes."),
+    _energy_of_auvs(
+        "docked", "Energy that docks have given to all AUVs.", title="Energy from docks"
     ),
     Metric(
         "battery_share",

@@ -35,8 +35,8 @@ class Return(BasePolicy):
     It turns back as soon as one more slot of its round, in which it charges throughout, would
     leave too little for the way to the nearest dock, and goes on with a battery that is `FULL`.
     Nodes are named as by `tour`. Where an AUV may charge nobody (`auvs.idle_choices`), it charges
-    nobody on its way back. AUVs that get in one
-    another's way are not foreseen. Without docks, or end of energy, it is a round alone.
+    nobody on its way back. AUVs that get in one another's way are not foreseen. Without docks, or
+    end of energy, it is a round alone.
     """
 
     name = "return"
