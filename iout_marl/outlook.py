@@ -11,7 +11,6 @@ from iout_marl.core.limits import DEAREST_J
 from iout_marl.core.link import Link, SlotEnergies
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario
-from iout_marl.world.placement import start_cells
 
 #: Pairs of a cell and a node that are looked at one by one; of more, all that the grid has.
 MAX_PAIRS = 5_000_000
@@ -140,8 +139,8 @@ def _reached(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
 
     Along axes that no direction leads along they keep the coordinates of their starts.
     """
-    cells, starts = grid.all_coordinates(), start_cells(scenario, grid)
-    for axis in np.flatnonzero(~np.array(scenario.auvs.motion.part.steps).any(axis=0)):
+    cells, starts = grid.all_coordinates(), scenario.starts()
+    for axis in np.flatnonzero(~np.array(scenario.auvs.motion.part.axes_moved)):
         cells = cells[np.isin(cells[:, axis], starts[:, axis])]
     return cells
 

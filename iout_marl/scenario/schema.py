@@ -8,6 +8,8 @@ import json
 import math
 from typing import Annotated, Any, ClassVar, Self
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from iout_marl.errors import InputError, did_you_mean
@@ -249,11 +251,9 @@ class Scenario(Section):
                 "each AUV starts in one of its own",
                 beside=("grid", "cells"),
             )
-        axes_moved = auvs.motion.part.axes_moved
-        may_lack_room = auvs.separation_cells > 1 or not all(axes_moved)
+        may_lack_room = auvs.separation_cells > 1 or not all(auvs.motion.part.axes_moved)
         if may_lack_room and self.num_auvs > len(auvs.start_cells):
-            rule = self.grid.cells, auvs.separation_cells, axes_moved
-            found = len(spread_starts(auvs.start_cells, self.num_auvs, *rule))
+            found = len(self.starts())
             if found < self.num_auvs:
                 raise invalid(
                     ("auvs", "count"),
@@ -261,6 +261,12 @@ class Scenario(Section):
                     f"auvs.separation_cells, {auvs.separation_cells:g}",
                     beside=("auvs", "separation_cells"),
                 )
+
+    def starts(self) -> npt.NDArray[np.int64]:
+        """Coordinates from 0 of the cells in which the AUVs start, (auvs, 3)."""
+        auvs = self.auvs
+        rule = self.grid.cells, auvs.separation_cells, auvs.motion.part.axes_moved
+        return spread_starts(auvs.start_cells, self.num_auvs, *rule)
 
     @property
     def num_nodes(self) -> int:

@@ -11,7 +11,6 @@ from iout_marl.core.grid import Grid
 from iout_marl.parts import Placement
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.parts import settings_of
-from iout_marl.scenario.starts import spread_starts
 
 
 def node_codes(
@@ -30,13 +29,6 @@ def node_codes(
         codes = grid.encode(placement.drawn(grid, np.random.default_rng(0)))
         return np.tile(codes, (len(rngs), 1))
     return np.stack([grid.encode(placement.drawn(grid, rng)) for rng in rngs])
-
-
-def start_cells(scenario: Scenario, grid: Grid) -> npt.NDArray[np.int64]:
-    """Coordinates from 0 of the cells in which the AUVs start, (auvs, 3): see `spread_starts`."""
-    auvs = scenario.auvs
-    rule = grid.shape, auvs.separation_cells, auvs.motion.part.axes_moved
-    return spread_starts(auvs.start_cells, scenario.num_auvs, *rule)
 
 
 def redraws_every_episode(scenario: Scenario) -> bool:

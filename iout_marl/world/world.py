@@ -41,7 +41,7 @@ from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
 from iout_marl.world.outcomes import Outcomes, outcomes, polled_outcomes
-from iout_marl.world.placement import node_codes, start_cells
+from iout_marl.world.placement import node_codes
 from iout_marl.world.transition import Transition
 from iout_marl.world.watch import check_first_slot
 
@@ -149,7 +149,7 @@ class World:
             self.motion.num_directions,
             *(self.num_nodes + scenario.auvs.idle_choices,) * self.duplex.num_choices,
         )
-        start = self.grid.encode(start_cells(scenario, self.grid))
+        start = self.grid.encode(scenario.starts())
         # Brought to the device here: later an accelerator would have to stop for them.
         self._start = backend.integers(np.tile(start, (num_envs, 1)))
         self._one = backend.floats(1.0)

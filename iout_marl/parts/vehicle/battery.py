@@ -23,7 +23,6 @@ from iout_marl.scenario.fields import (
     invalid,
 )
 from iout_marl.scenario.parts import Settings as PartSettings
-from iout_marl.scenario.starts import spread_starts
 from iout_marl.words import listed
 
 #: More docks than any fleet needs.
@@ -111,13 +110,11 @@ class Battery(Vehicle):
 
     def _check_depths(self, scenario: Scenario) -> None:
         """Refuse docks to which no direction leads from any start, as from another depth."""
-        auvs, grid = scenario.auvs, scenario.grid
-        still = np.flatnonzero(~np.array(auvs.motion.part.steps).any(axis=0))
+        auvs = scenario.auvs
+        still = np.flatnonzero(~np.array(auvs.motion.part.axes_moved))
         if not (self.docks and len(still)):
             return
-        starts = spread_starts(
-            auvs.start_cells, scenario.num_auvs, grid.cells, auvs.separation_cells
-        )
+        starts = scenario.starts()
         for i, cell in enumerate(self.docks):
             if not (starts[:, still] + 1 == np.array(cell)[still]).all(axis=1).any():
                 raise invalid(
