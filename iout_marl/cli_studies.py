@@ -133,8 +133,8 @@ def reproduce(
     present("\n".join(lines))
     if results.failures:
         for failure in results.failures:
-            place = f"{failure.series}, {loaded.axis.key} {failure.axis:g}, seed {failure.seed}"
-            complain(f"failed: {place}: {failure.error}")
+            place = f"{loaded.axis.name} {loaded.axis.text(failure.axis)}, seed {failure.seed}"
+            complain(f"failed: {failure.series}, {place}: {failure.error}")
         complain(f"{len(results.failures)} of {len(cells)} cells failed")
         raise typer.Exit(1)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 
@@ -13,3 +14,10 @@ def counted(number: int, noun: str, several: str = "") -> str:
 def listed(words: Sequence[str]) -> str:
     """'a', 'a and b', 'a, b and c'."""
     return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+
+
+def place_text(place: float) -> str:
+    """A place on the axis: `3`, `0.5`, `2,304,000`."""
+    if not math.isfinite(place):
+        return "–"
+    return f"{place:,.12g}".removeprefix("-" if place == 0 else "")

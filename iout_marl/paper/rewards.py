@@ -11,7 +11,6 @@ from iout_marl.report.document import Table
 from iout_marl.report.measures import (
     fixed,
     percent,
-    place_text,
     reduction,
     samples,
 )
@@ -51,7 +50,9 @@ def terms_table(results: Results) -> Table | None:
                 shown.append(name)
                 label = "the paper's reward" if name == whole else _label(name, mode)
                 values = [metric_text(results.measured(name, place, m), m) for m in METRICS]
-                rows.append((f"{mode}: {label}", place_text(place), values[0], change, *values[1:]))
+                rows.append(
+                    (f"{mode}: {label}", results.place_text(place), values[0], change, *values[1:])
+                )
     if not rows:
         return None
     return Table(

@@ -15,7 +15,6 @@ from iout_marl.report.measures import (
     duration,
     fixed,
     number,
-    place_text,
     ratio,
     samples,
 )
@@ -201,7 +200,7 @@ def constraint_table(results: Results, series: list[str]) -> Table:
             rows.append(
                 (
                     name,
-                    place_text(place),
+                    results.place_text(place),
                     fixed(jain.min(), 3),
                     f"{fixed(100 * unfair.mean(), 0)} %",
                     f"{100 * (late > 0).mean():.0f} %",

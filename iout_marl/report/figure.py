@@ -10,6 +10,7 @@ from typing import Literal, TypeAlias
 from iout_marl.render.scene import Scene
 from iout_marl.scenario.spacing import edges_m
 from iout_marl.trajectory import Trajectory
+from iout_marl.words import place_text
 
 
 @dataclass(frozen=True)
@@ -22,12 +23,18 @@ class Axis:
         limits: where it ends; None for the ends of the data.
         ticks_at_values: ticks at the few values alone at which something was measured. Only
             such an axis may have values of 0 or below on a logarithmic scale.
+        names: of the values 1, 2, 3 …, in place of the numbers.
     """
 
     label: str
     scale: Literal["linear", "log", "categories"] = "linear"
     limits: tuple[float, float] | None = None
     ticks_at_values: bool = False
+    names: tuple[str, ...] = ()
+
+    def text(self, value: float) -> str:
+        """A value in words."""
+        return self.names[round(value) - 1] if self.names else place_text(value)
 
     @property
     def is_log(self) -> bool:
@@ -95,7 +102,7 @@ class Plot:
         for line in self.lines:
             for i, (x, y) in enumerate(zip(line.x, line.y, strict=True)):
                 interval = (line.low[i], line.high[i]) if line.low else ("", "")
-                yield (line.name, x, y, *interval)
+                yield (line.name, self.x.text(x) if self.x.names else x, y, *interval)
 
 
 @dataclass(frozen=True)

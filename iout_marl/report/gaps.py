@@ -16,7 +16,6 @@ from iout_marl.report.measures import (
     bound_text,
     fixed,
     metric,
-    place_text,
 )
 from iout_marl.report.study_figures import axis_of, protocol
 from iout_marl.study.results import Measured, Results, measured_of
@@ -218,7 +217,7 @@ def _table(results: Results, key: str, bound: str, found: Sequence[Gaps]) -> Tab
     rows = [
         (
             gaps.series,
-            place_text(gaps.place),
+            results.place_text(gaps.place),
             metric(gaps.mean_aoi, "mean_aoi"),
             bound_text(gaps.bound, 3),
             fixed(gaps.best_known, 3),

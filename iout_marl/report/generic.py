@@ -11,7 +11,7 @@ from iout_marl.report.document import Report, Section, Table
 from iout_marl.report.fronts import front_section
 from iout_marl.report.gaps import gap_lead, gap_section
 from iout_marl.report.markup import as_data
-from iout_marl.report.measures import duration, metric_mean, place_text
+from iout_marl.report.measures import duration, metric_mean
 from iout_marl.report.registry import reports
 from iout_marl.report.study_figures import (
     learning_figure,
@@ -44,7 +44,7 @@ def generic_report(results: Results) -> Report:
     if best is not None:
         lead.append(
             f"The lowest {first.heading}, {metric_mean(best[0], first.name)}, is that of "
-            f"{best[1]} at {results.axis.label} = {place_text(best[2])}."
+            f"{best[1]} at {results.axis.label} = {results.place_text(best[2])}."
         )
     lead += gap_lead(results)
     others = results.metrics[len(METRICS) :]
@@ -147,7 +147,7 @@ def cells_section(results: Results) -> Section:
                 record.scenario_hash,
                 f"{record.episodes}",
                 f"{record.training.env_steps:,}" if record.training else "–",
-                record.search or "–",
+                record.search or (f"trained in {record.trained_in}" if record.trained_in else "–"),
             ),
         )
     items = [
@@ -167,7 +167,13 @@ def cells_section(results: Results) -> Section:
                 "Search",
             ),
             rows=tuple(
-                (series, place_text(place), *what[:2], ", ".join(seeds[series, place]), *what[2:])
+                (
+                    series,
+                    results.place_text(place),
+                    *what[:2],
+                    ", ".join(seeds[series, place]),
+                    *what[2:],
+                )
                 for (series, place), what in scenarios.items()
             ),
             numeric=frozenset({1, 5, 6}),
@@ -182,7 +188,8 @@ def cells_section(results: Results) -> Section:
                 command=results.command,
                 columns=("Series", results.axis.label, "Seed", "Why"),
                 rows=tuple(
-                    (f.series, place_text(f.axis), f"{f.seed}", f.error) for f in results.failures
+                    (f.series, results.place_text(f.axis), f"{f.seed}", f.error)
+                    for f in results.failures
                 ),
                 numeric=frozenset({1, 2}),
             )

@@ -51,7 +51,11 @@ def take_in(results: Results) -> Results:
         )
         for failure in results.failures
     ]
-    axis = {"key": data(results.axis.key), "label": data(results.axis.label)}
+    axis = {
+        "key": data(results.axis.key),
+        "label": data(results.axis.label),
+        "variants": tuple(map(data, results.axis.variants)),
+    }
     return results.model_copy(
         update={
             **{

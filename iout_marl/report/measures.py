@@ -137,13 +137,6 @@ def metric_heading(name: str) -> str:
     return as_data(described(name).axis_title)
 
 
-def place_text(place: float) -> str:
-    """A place on the axis: `3`, `0.5`, `2,304,000`."""
-    if not math.isfinite(place):
-        return "–"
-    return f"{place:,.12g}".removeprefix("-" if place == 0 else "")
-
-
 def duration(seconds: float) -> str:
     """`8 h 11 min`, `2 min 5 s` or `24 s`."""
     if not 0 <= seconds < MOST_DIGITS:

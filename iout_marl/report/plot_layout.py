@@ -13,7 +13,6 @@ from rich.cells import cell_len
 from iout_marl.report import palette
 from iout_marl.report.figure import Line, Plot
 from iout_marl.report.markup import plain_text
-from iout_marl.report.measures import place_text
 
 #: Columns at which a name in a legend and the title of an axis are cut short, and those of a line.
 LONGEST_NAME, NAME_LINE = 60, 34
@@ -164,7 +163,7 @@ def _values(plot: Plot) -> list[float]:
 def ticks(plot: Plot) -> tuple[list[float], list[str]]:
     """Where ticks are, and their labels: at the places, as many as have room."""
     position = positions(plot)
-    where = [(position(x), place_text(x)) for x in _values(plot)]
+    where = [(position(x), plot.x.text(x)) for x in _values(plot)]
     if plot.x.is_categorical:
         every = -(-len(where) // _MOST_TICKS) or 1
         chosen = where[::every]

@@ -13,7 +13,6 @@ from iout_marl.files import to_json
 from iout_marl.report import palette
 from iout_marl.report.figure import Figure, Plot
 from iout_marl.report.markup import plotly_template, plotly_text
-from iout_marl.report.measures import place_text
 from iout_marl.report.plot_layout import (
     LONGEST_NAME,
     Series,
@@ -138,7 +137,7 @@ def _hover(plot: Plot, series: Series) -> dict[str, Any]:
         text = f"{y:.4g}"
         if line.low and not math.isnan(line.low[i]):
             text += f"  [{line.low[i]:.4g}, {line.high[i]:.4g}]"
-        points.append([place_text(x) if plot.x.has_single_values else f"{x:g}", text])
+        points.append([plot.x.text(x) if plot.x.has_single_values else f"{x:g}", text])
     name, across, along = (
         plotly_template(text, LONGEST_NAME) for text in (line.name, plot.x.label, plot.y.label)
     )

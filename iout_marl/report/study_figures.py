@@ -16,7 +16,6 @@ from iout_marl.report.measures import (
     bound_text,
     metric_heading,
     metric_mean,
-    place_text,
 )
 from iout_marl.report.measures import metric as metric_text
 from iout_marl.study.results import Measured, Record, Results
@@ -57,7 +56,8 @@ def _runs(results: Results, series: str, *, intervals: bool) -> str:
     records = results.records(series)
     seeds = max(len(results.records(series, place)) for place in results.places(series))
     episodes = records[0].episodes
-    text = counted(seeds, "training" if records[0].training else "run")
+    is_trained = records[0].training or records[0].trained_in
+    text = counted(seeds, "training" if is_trained else "run")
     text += f", {counted(episodes, 'episode')}" + (" each" if seeds > 1 else "")
     if not intervals:
         return text
@@ -129,6 +129,8 @@ def axis_of(results: Results, lines: Sequence[Line], *, grouped: bool = False) -
     It is logarithmic where they span two powers of ten. Where bars are grouped, and of a single
     value, they are categories.
     """
+    if results.axis.variants:
+        return Axis(results.axis.label, scale="categories", names=results.axis.variants)
     places = {x for line in lines for x in line.x}
     if grouped or len(places) < 2:
         return Axis(results.axis.label, scale="categories")
@@ -161,7 +163,8 @@ def learning_figure(results: Results, key: str, title: str, curve: str, series: 
 def at_place(results: Results, place: float) -> str:
     """`K = 3`."""
     symbol = {"nodes.count": "K", "auvs.count": "M"}.get(results.axis.key, results.axis.key)
-    return f"{symbol} = {place_text(place)}"
+    place_text = results.place_text(place)
+    return place_text if results.axis.variants else f"{symbol} = {place_text}"
 
 
 def trajectory_figure(
@@ -210,7 +213,7 @@ def metrics_table(
     rows = [
         (
             name,
-            place_text(place),
+            results.place_text(place),
             *(_metric_text(results, name, place, metric) for metric in metrics),
         )
         for place in results.places()

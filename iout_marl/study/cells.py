@@ -10,7 +10,7 @@ import re
 import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +47,8 @@ class Cell:
         variant: the name of its variant; may be empty.
         place: its values of the grid and of the axis, `key=value` each.
         imports: what brings its parts and metrics from outside.
+        trained_in: the scenario that its policy is trained in, where that is another.
+        run: then the files of the run that was trained, by name, once there is one.
     """
 
     group: str
@@ -61,17 +63,27 @@ class Cell:
     variant: str = ""
     place: tuple[str, ...] = ()
     imports: tuple[str, ...] = ()
+    trained_in: Scenario | None = None
+    run: Mapping[str, bytes] = field(default_factory=dict, repr=False)
 
     @property
     def trains(self) -> bool:
         """Whether a policy is trained."""
-        return self.policy == TRAINED
+        return self.policy == TRAINED and self.trained_in is None
+
+    @property
+    def training(self) -> Cell | None:
+        """The cell whose run it plays, where it is trained in another scenario."""
+        if self.trained_in is None:
+            return None
+        return replace(self, scenario=self.trained_in, trained_in=None, variant="", place=())
 
     @property
     def key(self) -> str:
         """Name of its files: the same for cells that compute the same."""
         identity = [self.scenario.hash, self.policy, self.seed, self.episodes, WORLD_VERSION]
         identity += [e for e in (self.planner_rounds, self.bound_seconds) if e is not None]
+        identity += [self.trained_in.hash] if self.trained_in else []
         digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:10]
         name = re.sub(r"[^\w.-]+", "-", f"{self.scenario.name}-{self.policy}")
         return f"{name}-s{self.seed}-{digest}"
@@ -128,7 +140,8 @@ def expand(
         for cell in _expand_group(study, layer, name, group, over, quick=quick)
     ]
     if quick and study.quick.axis is not None:
-        cells = [cell for cell in cells if cell.axis in study.quick.axis]
+        kept = set(study.quick.axis)
+        cells = [cell for cell in cells if {cell.axis, study.axis.text(cell.axis)} & kept]
     if not cells:
         where = layer.origin(("quick",) if quick else ("groups",))
         raise InputError(f"{where}: the study has no cell" + (" left by --quick" if quick else ""))
@@ -160,18 +173,31 @@ def _expand_group(
     seconds = group.bound_seconds if short.bound_seconds is None else short.bound_seconds
     study_file = Path(layer.origin(()))
     beside = None if names_preset(overrides) else study_file
+
+    def load(source: str, where: str, *changes: Settings) -> Scenario:
+        settings: Settings = {}
+        for each in (group.settings, *changes, short.settings):
+            settings |= each
+        try:
+            above = overrides.over(overrides_layer(settings, study_file))
+            return load_scenario(_find(source, study_file), above, beside=beside)
+        except InputError as error:
+            raise InputError(f"{where}: groups.{name}: {error}") from None
+
     points = itertools.product(enumerate(group.scenarios), group.variants.items(), _grid(group))
     for (i, source), (variant, changes), point in points:
         where = layer.origin(("groups", name, "scenarios", i))
-        settings = {**group.settings, **changes, **point, **short.settings}
-        try:
-            above = overrides.over(overrides_layer(settings, study_file))
-            scenario = load_scenario(_find(source, study_file), above, beside=beside)
-        except InputError as error:
-            raise InputError(f"{where}: groups.{name}: {error}") from None
-        axis = _axis(scenario, study, layer)
+        scenario = load(source, where, changes, point)
+        trained_in = None
+        if group.trained_with is not None:
+            trained_in = load(source, where, group.trained_with)
+            if trained_in.hash == scenario.hash:
+                trained_in = None
+        axis = study.axis.place(variant) if study.axis.variants else _axis(scenario, study, layer)
         place = [f"{key}={value}" for key, value in point.items()]
-        place += [f"{study.axis.key}={axis:.12g}"] if study.axis.key not in point else []
+        place += (
+            [f"{study.axis.name}={study.axis.text(axis)}"] if study.axis.name not in point else []
+        )
         for policy, seed in itertools.product(group.policies, group.seeds[: short.seeds]):
             if policy == BOUND and seed != group.seeds[0] and not draws_layout_once(scenario):
                 continue  # one bound holds for all
@@ -190,6 +216,7 @@ def _expand_group(
                 variant=variant,
                 place=tuple(place),
                 imports=brought_in(),
+                trained_in=trained_in,
             )
 
 

@@ -169,7 +169,8 @@ class Record(Saved):
     `deterministic`. `episode` is the first one in full, of policies that were trained (see
     `iout_marl.trajectory.Trajectory`). `world_hash` is that of the world that was played: of one
     layout, where one was drawn. `search` says how a bound was found and, after a semicolon, which
-    parts from outside it takes at their word, or how long a plan was searched for.
+    parts from outside it takes at their word, or how long a plan was searched for. `trained_in` is
+    the scenario that a policy was trained in, with its hash, where that is another.
     """
 
     key: Words
@@ -191,6 +192,7 @@ class Record(Saved):
     date: Words
     search: Words = ""
     deterministic: bool = False
+    trained_in: Words = ""
 
     @classmethod
     def from_cell(
@@ -205,7 +207,7 @@ class Record(Saved):
         deterministic: bool = False,
     ) -> Self:
         """The record of a cell on this machine."""
-        scenario = cell.scenario
+        scenario, trained = cell.scenario, cell.trained_in
         kept = {name: rounded(values) for name, values in samples.items()}
         return cls(
             key=cell.key,
@@ -227,6 +229,7 @@ class Record(Saved):
             date=date,
             search=search,
             deterministic=deterministic,
+            trained_in=f"{trained.name}, {trained.hash}" if trained else "",
         )
 
     @model_validator(mode="after")

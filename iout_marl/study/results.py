@@ -186,6 +186,10 @@ class Results(Saved):
         """Places on the axis, ascending, of one series or of all."""
         return sorted({c.axis for c in self.cells if series is None or c.series == series})
 
+    def place_text(self, place: float) -> str:
+        """A place on the axis in words."""
+        return self.axis.text(place)
+
     def records(self, series: str, place: float | None = None) -> list[Record]:
         """Records of a series, at one place on the axis or at all."""
         return [
@@ -206,9 +210,10 @@ class Results(Saved):
         """A row for every cell: means of its metrics, seconds and emissions."""
         text = io.StringIO()
         rows = csv.writer(text, lineterminator="\n")
-        place = ("group", "series", self.axis.key, "scenario", "scenario_hash", "policy", "seed")
+        place = ("group", "series", self.axis.name, "scenario", "scenario_hash", "policy", "seed")
         cost = ("env_steps", "seconds", "energy_kwh", "co2_kg", "search")
         metrics = self.metrics
+        place_of = self.place_text if self.axis.variants else "{:g}".format
         rows.writerow((*place, "episodes", *metrics, *cost))
         for cell in self.cells:
             record = cell.record
@@ -216,7 +221,7 @@ class Results(Saved):
             emissions = training.emissions if training else None
             rows.writerow(
                 (
-                    *(cell.group, cell.series, f"{cell.axis:g}", record.scenario),
+                    *(cell.group, cell.series, place_of(cell.axis), record.scenario),
                     *(record.scenario_hash, record.policy, record.seed, record.episodes),
                     *(
                         f"{record.mean(metric):.{DIGITS}g}" if metric in record.samples else ""

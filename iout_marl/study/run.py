@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -23,7 +23,7 @@ from iout_marl.errors import InputError
 from iout_marl.files import LOCK_NAME, locked, read_json, to_json, write_atomically
 from iout_marl.study.cells import Cell
 from iout_marl.study.fields import LONGEST, Line, Words, show
-from iout_marl.study.pools import Pool
+from iout_marl.study.pools import Outcomes, Pool
 from iout_marl.study.records import Saved
 from iout_marl.study.results import (
     FORMAT,
@@ -49,6 +49,8 @@ BEGUN = (LOCK_NAME, "cells", "runs", f"{MARKER}.part")
 #: What it holds once it is finished, all but the report's Markdown, which may be elsewhere.
 OWN = (LOCK_NAME, MARKER, "cells", "runs", "results.json", "results.csv", "report.html", "figures")
 #: What a kill leaves of files that were being written.
+#: Files of a run that no policy needs.
+LOGS = ("metrics.jsonl", "events.out.tfevents.")
 PARTS = (
     *("study.json.part", "results.*.part", "report.*.part"),
     *("cells/*.part", "runs/*/*.part", "figures/*.part"),
@@ -166,6 +168,24 @@ class StudyFolder:
             write_atomically(run / name, data)
         write_atomically(self._cell_path(cell), record_to_json(output.record).encode())
 
+    def with_run(self, cell: Cell) -> Cell:
+        """The cell with the run that it plays, of one that is trained in another scenario.
+
+        Raises:
+            InputError: that training has failed, or its files cannot be read.
+        """
+        training = cell.training
+        if training is None:
+            return cell
+        if not self._cell_path(training).exists():
+            raise InputError(f"its training in {training.scenario.name} failed")
+        run = self.path / "runs" / training.key
+        try:
+            files = {p.name: p.read_bytes() for p in run.iterdir() if not p.name.startswith(LOGS)}
+        except OSError as error:
+            raise InputError(f"{run}: cannot be read: {error.strerror}") from None
+        return replace(cell, run=files)
+
     def _cell_path(self, cell: Cell) -> Path:
         return self.path / "cells" / f"{cell.key}.json"
 
@@ -200,8 +220,11 @@ def run_study(
         InputError: a finished cell cannot be read, or one cannot be written.
     """
     console = console or progress_console()
-    records = {cell.key: folder.record(cell) for cell in cells}
-    missing = list({c.key: c for c in cells if records[c.key] is None}.values())
+    # Trainings that others wait for may be no cells of their own.
+    trainings = [cell.training for cell in cells if cell.training is not None]
+    wanted = {cell.key: cell for cell in (*trainings, *cells)}
+    records = {key: folder.record(cell) for key, cell in wanted.items()}
+    missing = [cell for key, cell in wanted.items() if records[key] is None]
     # The longest first, so that no long one is left over for a single process at the end.
     missing.sort(key=lambda cell: -cell.cost)
     failures = []
@@ -215,7 +238,7 @@ def run_study(
         )
         with (
             _Progress(console, finished, len(records)) as progress,
-            closing(pool.run(missing, study.carbon_g_per_kwh)) as outcomes,
+            closing(_in_order(missing, folder, pool, study.carbon_g_per_kwh)) as outcomes,
         ):
             for cell, outcome in outcomes:
                 if isinstance(outcome, Exception):
@@ -234,6 +257,22 @@ def run_study(
     write_atomically(folder.results_path, results.to_json().encode())
     write_atomically(folder.path / "results.csv", results.to_csv().encode())
     return results
+
+
+def _in_order(
+    cells: Sequence[Cell], folder: StudyFolder, pool: Pool, carbon_g_per_kwh: float
+) -> Outcomes:
+    """Run cells, those that play the runs of others after these."""
+    yield from pool.run([c for c in cells if c.trained_in is None], carbon_g_per_kwh)
+    ready = []
+    for cell in cells:
+        if cell.trained_in is not None:
+            try:
+                ready.append(folder.with_run(cell))
+            except InputError as error:
+                yield cell, error
+    if ready:
+        yield from pool.run(ready, carbon_g_per_kwh)
 
 
 def _failure(cell: Cell, error: Exception) -> Failure:

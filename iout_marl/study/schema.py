@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Self, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -17,6 +17,7 @@ from iout_marl.scenario.layers import Layer, read_file
 from iout_marl.scenario.problems import validate
 from iout_marl.scenario.sources import find_study
 from iout_marl.study.fields import Text, Words
+from iout_marl.words import place_text
 
 #: The policy that is trained, by the scenario's `training` section.
 TRAINED = "ppo"
@@ -25,6 +26,9 @@ PLANNER = PlannerPolicy.name
 #: What stands where a policy does, and is the mean AoI that none can beat.
 BOUND = "bound"
 POLICIES = (*policies.POLICIES, TRAINED, BOUND)
+
+#: Variants on an axis that a figure has room for.
+MAX_VARIANTS = 100
 
 Settings: TypeAlias = dict[str, Any]
 Seed: TypeAlias = Annotated[int, Field(ge=0, lt=2**63)]
@@ -54,18 +58,50 @@ def _as_is() -> dict[str, Settings]:
 
 
 class Axis(Section):
-    """What the figures are drawn over."""
+    """What the figures are drawn over: a key of the scenario, or variants."""
 
     #: A key of the scenario, in dots, whose value is a number.
     key: Words = "nodes.count"
     label: Words = "Number of nodes K"
+    #: In place of a key: names of variants, in this order. Every group has all its variants here.
+    variants: Annotated[tuple[Words, ...], Field(max_length=MAX_VARIANTS, strict=False)] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _label_variants(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("variants"):
+            return {"label": "Variant", **data}
+        return data
+
+    @model_validator(mode="after")
+    def _is_one_of_both(self) -> Self:
+        if self.variants and self.key != type(self).model_fields["key"].default:
+            raise invalid(("variants",), "is given beside key: the axis is one of the two")
+        if len(set(self.variants)) < len(self.variants):
+            raise invalid(("variants",), "lists the same value twice")
+        return self
+
+    @property
+    def name(self) -> str:
+        """What columns of files call it."""
+        return "variant" if self.variants else self.key
+
+    def place(self, variant: str) -> float:
+        """Where a variant is."""
+        return float(self.variants.index(variant) + 1)
+
+    def text(self, place: float) -> str:
+        """A place on it, such as `3`, or the name of a variant."""
+        if self.variants and place - 1 in range(len(self.variants)):
+            return self.variants[int(place) - 1]
+        return place_text(place)
 
 
 class Quick(Section):
     """What `--quick` leaves of the study."""
 
-    #: The values of the axis; null for all.
-    axis: Annotated[tuple[float, ...], Field(min_length=1, strict=False)] | None = None
+    #: The values of the axis, of variants their names; null for all.
+    axis: Annotated[tuple[float | Words, ...], Field(min_length=1, strict=False)] | None = None
     #: How many seeds of each group, from its first.
     seeds: Count | None = None
     #: What searches take, in every group: rounds of the planner, seconds for a bound.
@@ -96,6 +132,9 @@ class Group(Section):
     settings: Settings = Field(default_factory=dict)
     #: Dotted keys over every scenario, by the name of the variant.
     variants: Annotated[dict[Words, Settings], Field(min_length=1)] = Field(default_factory=_as_is)
+    #: Dotted keys over every scenario in place of those of variants and grid, for the world in
+    #: which `ppo` is trained; null trains it where it is evaluated.
+    trained_with: Settings | None = None
     #: Values of dotted keys, every combination of which is a cell.
     grid: dict[str, list[Any]] = Field(default_factory=dict)
 
@@ -106,6 +145,10 @@ class Group(Section):
             if policy not in POLICIES and ":" not in policy:
                 hint = did_you_mean(policy, POLICIES)
                 raise invalid(("policies", i), f"unknown policy {policy!r}{hint}")
+            if self.trained_with is not None and policy != TRAINED:
+                raise invalid(
+                    ("policies", i), f"{policy!r} is not trained, as trained_with asks for"
+                )
         for key, policy in (("planner_rounds", PLANNER), ("bound_seconds", BOUND)):
             if key in self.model_fields_set and policy not in self.policies:
                 raise invalid((key,), f"there is no {policy!r} among the group's policies")
@@ -131,6 +174,17 @@ class Study(Section):
     #: Carbon intensity of the electricity, in g of CO2 for a kWh; codecarbon's of the world.
     carbon_g_per_kwh: Annotated[float, Field(ge=0, le=1e6)] = 475.0
     groups: Annotated[dict[Words, Group], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _variants_are_on_the_axis(self) -> Study:
+        for name, group in self.groups.items():
+            for variant in group.variants if self.axis.variants else ():
+                if variant not in self.axis.variants:
+                    hint = did_you_mean(variant, self.axis.variants)
+                    raise invalid(
+                        ("groups", name, "variants"), f"{variant!r} is not in axis.variants{hint}"
+                    )
+        return self
 
     @model_validator(mode="after")
     def _leave_out_what_is_there(self) -> Study:

@@ -14,6 +14,7 @@ from iout_marl.evaluation import evaluate
 from iout_marl.files import LOCK_NAME, to_json
 from iout_marl.outside import bring_in
 from iout_marl.policies import Budget, PlannerPolicy
+from iout_marl.policies.loading import named_policy
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.study.cells import Cell
 from iout_marl.study.emissions import measured
@@ -46,6 +47,8 @@ def run_cell(cell: Cell, carbon_g_per_kwh: float) -> Output:
     bring_in(*cell.imports)
     if cell.trains:
         return _train(cell, carbon_g_per_kwh)
+    if cell.trained_in is not None:
+        return _play_run(cell)
     scenario = pin_layout(cell.scenario, cell.seed)
     if cell.policy == BOUND:
         return _bound(cell, scenario)
@@ -55,6 +58,25 @@ def run_cell(cell: Cell, carbon_g_per_kwh: float) -> Output:
     played = evaluate(scenario, policy, cell.episodes, cell.seed)
     record = Record.from_cell(
         cell, played.samples, _today(), search=search, deterministic=played.deterministic
+    )
+    return Output(record, {})
+
+
+def _play_run(cell: Cell) -> Output:
+    """Play a run that was trained in another scenario."""
+    with tempfile.TemporaryDirectory(prefix="iout-") as folder:
+        run = Path(folder) / "run"
+        run.mkdir()
+        for name, data in cell.run.items():
+            (run / name).write_bytes(data)
+        try:
+            scenario, policy = named_policy(cell.scenario, str(run), cell.seed, transfer=True)
+        except (InputError, OSError) as error:
+            raise InputError(_without_folder(error, run)) from None
+        played = evaluate(scenario, policy, cell.episodes, cell.seed)
+        episode = record_episode(scenario, policy).to_json()
+    record = Record.from_cell(
+        cell, played.samples, _today(), episode=episode, deterministic=played.deterministic
     )
     return Output(record, {})
 

@@ -23,7 +23,10 @@ RESULTS = json.loads((FORMAT_1 / "results.json").read_text())
 #: Index of a cell of a baseline, and of one that was trained.
 PLAYED, TRAINED = 0, 2
 #: What may be missing: it came later, or has a usual value.
-MAY_BE_MISSING = {"front", "failures", "search", "deterministic", "axis.key", "axis.label"}
+MAY_BE_MISSING = {
+    *("front", "failures", "search", "deterministic", "trained_in"),
+    *("axis.key", "axis.label", "axis.variants"),
+}
 
 
 def told(path):
