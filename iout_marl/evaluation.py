@@ -251,7 +251,7 @@ def play(world: World, policy: Policy, seed: int = 0) -> Iterator[tuple[State, E
     Raises:
         InputError: the policy's actions do not fit their space.
     """
-    state = world.reset(seed=seed)
+    state, chance = world.reset(seed=seed), world.draw_chance(seed)
     rng = EpisodeStreams(seed, world.num_envs)
     check = ActionCheck(world.num_envs, world.num_auvs, world.action_sizes)
     yield state, None
@@ -259,7 +259,7 @@ def play(world: World, policy: Policy, seed: int = 0) -> Iterator[tuple[State, E
         chosen = policy.act(world, state, rng)
         action = take_actions(policy, chosen, check, f", slot {slot + 1}")
         with _unbounded():
-            state, events = world.step(state, action)
+            state, events = world.step(state, action, next(chance))
         yield state, events
 
 

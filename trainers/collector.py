@@ -12,9 +12,11 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from iout_marl.core.chance import Draw
 from iout_marl.core.state import STORE_FIELDS, TRANSIT_FIELDS, VEHICLE_FIELDS
 from iout_marl.scenario import Scenario
-from iout_marl.world import State, World, node_codes, redraws_every_episode
+from iout_marl.world import Chance, State, World, node_codes, redraws_every_episode
+from iout_marl.world.chance import completed
 from trainers.accel import Runtime
 from trainers.accel.graphs import write_over
 from trainers.networks import ActorCritic, uniform_noise
@@ -128,6 +130,16 @@ class Collector:
         noise = [uniform_noise(shape, generator)[:, self._own] for generator in self.generators]
         return torch.stack(noise, dim=1)
 
+    def draw_chance(self, slots: int) -> dict[str, Tensor]:
+        """What slots leave to chance, by field of `Chance`: (slots, policies, envs, …) each."""
+        return {
+            name: torch.stack(
+                [_drawn(draw, (slots, self.num_envs), g)[:, self._own] for g in self.generators],
+                dim=1,
+            )
+            for name, draw in self.world.chance.items()
+        }
+
     @torch.no_grad()
     def collect(
         self, network: ActorCritic, slots: int, *, use_mask: bool, timer: PhaseTimer | None = None
@@ -178,11 +190,11 @@ class Collector:
         self, network: ActorCritic, slots: int, *, use_mask: bool
     ) -> tuple[RolloutStorage, _CapturedSlots | None]:
         """Memory for a rollout, with its noise; where slots are captured, always the same."""
-        noise = self.uniform_noise(slots)
+        noise, chance = self.uniform_noise(slots), self.draw_chance(slots)
         key = (network, slots, use_mask)
         if key in self._captured:
             captured = self._captured[key]
-            captured.storage.restart(noise)
+            captured.storage.restart(noise, chance)
             return captured.storage, captured
         observer = self.world.observer
         privileged = observer.critic_ranges(central=self._is_central)
@@ -194,6 +206,7 @@ class Collector:
             choices=sum(self.world.action_sizes),
             keep_observations=network.scaler.running,
             use_mask=use_mask,
+            chance=chance,
         )
         if not self._captures:
             return storage, None
@@ -227,8 +240,7 @@ class Collector:
         mask = self._tensor(world.action_mask(self.state)) if use_mask else None
         timer("environment")
         inputs = network.scaler(observation)
-        noise = storage.noise
-        noise = noise[t] if isinstance(t, int) else noise.index_select(0, t)[0]
+        noise = storage.at(storage.noise, t)
         action, log_probability = network.sample(network.logits(inputs, mask), noise)
         timer("inference")
         storage.write(
@@ -243,7 +255,9 @@ class Collector:
         timer("rollout")
         world_action = action.reshape(world.num_envs, *action.shape[-2:])
         state, events = world.step(
-            self.state, world_action.numpy() if world.backend.xp is np else world_action
+            self.state,
+            world_action.numpy() if world.backend.xp is np else world_action,
+            self._chance(storage, t) if storage.chance else None,
         )
         terms = world.reward_terms(state, events)
         storage.write(t, reward=self._tensor(world.total_reward(terms)))
@@ -254,6 +268,18 @@ class Collector:
                 storage.totals[name] = term + 0.0
         timer("environment")
         return state
+
+    def _chance(self, storage: RolloutStorage, t: int | Tensor) -> Chance:
+        """The chance of row `t` of a rollout, as the world takes it."""
+        world = self.world
+        drawn: dict[str, Any] = {
+            name: storage.at(rows, t).reshape(world.num_envs, *rows.shape[3:])
+            for name, rows in storage.chance.items()
+        }
+        if world.backend.xp is np:
+            drawn = {name: rows.numpy() for name, rows in drawn.items()}
+        laid = {name: world.backend.with_envs_inside(rows) for name, rows in drawn.items()}
+        return completed(laid, world.backend, world.chance, world.num_envs)
 
     def _compute_values(self, network: ActorCritic, rollout: Rollout) -> None:
         """Fill in what the critic sees, its values, and those of what followed each slot.
@@ -339,3 +365,9 @@ class Collector:
     def _none_of(saved: dict[str, Any]) -> Tensor:
         """No columns, (envs, 0): of what there was not when it was made."""
         return torch.zeros_like(saved["state"]["mean_age"])[:, None][:, :0]
+
+
+def _drawn(draw: Draw, shape: tuple[int, ...], generator: torch.Generator) -> Tensor:
+    """Numbers of a distribution, shape and then that of `draw`, on the generator's device."""
+    make = torch.randn if draw.distribution == "normal" else torch.rand
+    return make(*shape, *draw.shape, generator=generator, device=generator.device)

@@ -62,6 +62,7 @@ class RolloutStorage:
 
     rollout: Rollout
     noise: Tensor  # (slots, policies, envs, auvs, action entries): chooses the actions
+    chance: dict[str, Tensor]  # (slots, policies, envs, …): what the world leaves to chance
     row: Tensor  # (1,) int64: the slot that comes next, where slots are captured
     totals: dict[str, Any] = field(default_factory=dict)  # sum of each reward term, (envs, auvs)
 
@@ -76,6 +77,7 @@ class RolloutStorage:
         choices: int,
         keep_observations: bool,
         use_mask: bool,
+        chance: dict[str, Tensor],
     ) -> RolloutStorage:
         """Memory for a rollout.
 
@@ -87,6 +89,7 @@ class RolloutStorage:
             choices: of all entries of an action together.
             keep_observations: keep them as the world gives them, too.
             use_mask: keep masks.
+            chance: see there.
         """
 
         def empty(*inner: int, dtype: torch.dtype = torch.float32) -> Tensor:
@@ -106,16 +109,24 @@ class RolloutStorage:
             truncated=torch.zeros(shape[0], dtype=torch.bool, device=noise.device),
             next_value=empty(),
         )
-        return cls(rollout, noise, torch.zeros(1, dtype=torch.int64, device=noise.device))
+        row = torch.zeros(1, dtype=torch.int64, device=noise.device)
+        return cls(rollout, noise, chance, row)
 
-    def restart(self, noise: Tensor) -> None:
-        """Make it ready for another rollout with this noise, in the same memory."""
+    def restart(self, noise: Tensor, chance: dict[str, Tensor]) -> None:
+        """Make it ready for another rollout with this noise and chance, in the same memory."""
         self.noise.copy_(noise)
+        for name, rows in chance.items():
+            self.chance[name].copy_(rows)
         self.row.zero_()
         self.rollout.truncated.zero_()
         self.rollout.episodes = []
         for total in self.totals.values():
             total.zero_()
+
+    @staticmethod
+    def at(rows: Tensor, t: int | Tensor) -> Tensor:
+        """The row of a slot: a number, or a (1,) tensor."""
+        return rows[t] if isinstance(t, int) else rows.index_select(0, t)[0]
 
     def write(self, t: int | Tensor, **values: Tensor | None) -> None:
         """Write fields of the rollout at a slot: a number, or a (1,) tensor.

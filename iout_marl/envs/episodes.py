@@ -19,7 +19,14 @@ from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text, print_text
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario
 from iout_marl.tracing.unrolled import pays_unrolled, unrolled_slot
-from iout_marl.world import Events, State, World, node_codes, redraws_every_episode
+from iout_marl.world import (
+    ChanceStream,
+    Events,
+    State,
+    World,
+    node_codes,
+    redraws_every_episode,
+)
 from iout_marl.world.actions import ActionCheck
 from iout_marl.world.observation import Ranges
 
@@ -102,6 +109,7 @@ class EpisodeBatch:
         self.seeds: tuple[int | None, ...] = (None,) * self._num_envs
         self._rngs: list[np.random.Generator] = []
         self._layout: npt.NDArray[np.int64] | None = None
+        self._chance: ChanceStream | None = None
         #: Whether some were restarted without the others.
         self._is_apart = False
 
@@ -164,6 +172,7 @@ class EpisodeBatch:
             self._layout[reseeded] = node_codes(
                 self.scenario, self.world.grid, [self._rngs[i] for i in reseeded]
             )
+        self._chance = ChanceStream(self.scenario, self._rngs) if self.world.chance else None
         self._stepper = self._stepper_from(self.world.reset(self._layout))
         self._show()
 
@@ -180,6 +189,8 @@ class EpisodeBatch:
             self._layout = self._layout.copy()
             rngs = [self._rngs[i] for i in drawn]
             self._layout[drawn] = node_codes(self.scenario, self.world.grid, rngs)
+        if self._chance is not None:
+            self._chance.restart({i: self._rngs[i] for i in rows})
         first = self.world.reset(self._layout)
         state = State(*(_written(old, new, where) for old, new in zip(before, first, strict=True)))
         self._stepper, self._is_apart = self._stepper_from(state, events), bool(state.slot.any())
@@ -243,7 +254,8 @@ class EpisodeBatch:
             raise RuntimeError(f"the episodes of environments {which} are over: reset them first")
         if self.is_over:
             raise RuntimeError("the episode is over: call reset() first")
-        reward = stepper.step(self._check(action))
+        chance = None if self._chance is None else next(self._chance)
+        reward = stepper.step(self._check(action), chance)
         self._show()
         return reward
 

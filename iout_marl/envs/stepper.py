@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.tracing.unrolled import Numbers, UnrolledSlot, numbers
-from iout_marl.world import Events, State, World
+from iout_marl.world import Chance, Events, State, World
 
 
 class Stepper(Protocol):
@@ -24,7 +24,9 @@ class Stepper(Protocol):
         """What happened in the last slot; None before the first one."""
         ...
 
-    def step(self, action: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+    def step(
+        self, action: npt.NDArray[np.int64], chance: Chance | None = None
+    ) -> npt.NDArray[np.float64]:
         """One slot; (envs, auvs) rewards for (envs, auvs, entries) actions."""
         ...
 
@@ -52,8 +54,10 @@ class ArrayStepper:
         self._world = world
         self.state, self.events = state, events
 
-    def step(self, action: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-        self.state, self.events = self._world.step(self.state, action)
+    def step(
+        self, action: npt.NDArray[np.int64], chance: Chance | None = None
+    ) -> npt.NDArray[np.float64]:
+        self.state, self.events = self._world.step(self.state, action, chance)
         reward: npt.NDArray[np.float64] = self._world.reward(self.state, self.events)
         return reward
 
@@ -100,8 +104,11 @@ class TracedStepper:
             self._events = self._play_slot.events(self._last)
         return self._events
 
-    def step(self, action: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-        result = self._play_slot(self._now, action.ravel().tolist())
+    def step(
+        self, action: npt.NDArray[np.int64], chance: Chance | None = None
+    ) -> npt.NDArray[np.float64]:
+        drawn = () if chance is None else numbers(chance)
+        result = self._play_slot(self._now, action.ravel().tolist(), drawn)
         self._now, self._last, rewards, self._seen, self._masks = result
         self._state = self._events = None
         return np.array([rewards])

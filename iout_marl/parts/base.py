@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from iout_marl.arrays.backend import Backend
 from iout_marl.arrays.nodes import NodeAxis
+from iout_marl.core.chance import Draw
 from iout_marl.core.credit import Credit
 from iout_marl.core.grid import Grid
 from iout_marl.core.link import Link
@@ -90,6 +91,13 @@ class Part:
         Raises:
             pydantic_core.PydanticCustomError: they do not; by `parts.invalid`.
         """
+
+    def draws(self, scenario: Scenario) -> dict[str, Draw]:  # noqa: ARG002
+        """What it leaves to chance in a slot of one environment, by field of `Chance`.
+
+        No other part may take the same field.
+        """
+        return {}
 
     def check_stated(self, scenario: Scenario) -> None:
         """See that what it states of itself is what its role asks for.

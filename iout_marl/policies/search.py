@@ -165,7 +165,7 @@ class Planner:
         actions = []
         for _ in range(max(world.num_slots - int(state.slot[0]), 1)):
             actions.append(policy.act(world, state, rng))
-            state, _ = world.step(state, actions[-1])
+            state, _ = world.step(state, actions[-1], world.expected)
         return np.concatenate(actions).astype(np.int64)
 
     def _improve(self, plan: Plan, routes: Integers, budget: Budget) -> Plan:

@@ -65,11 +65,12 @@ class Simulator:
         return np.concatenate([directions, nodes], axis=-1)
 
     def step(self, state: State, action: Integers) -> State:
-        """The states after one slot, by the rules of `World.step`."""
+        """The states after one slot, by the rules of `World.step`; of chance, the expected."""
         count = len(action)
         if count not in self._worlds:
             self._worlds[count] = World(self._scenario, count, measured=())
-        return self._worlds[count].step(state, action)[0]
+        world = self._worlds[count]
+        return world.step(state, action, world.expected)[0]
 
     def replay(self, state: State, actions: Integers) -> Plan:
         """The plan that (slots, auvs, entries) actions make from a state of one environment."""

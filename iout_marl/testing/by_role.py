@@ -16,7 +16,7 @@ from iout_marl.core.limits import unheard
 from iout_marl.parts import Absorption, Channel, Harvester, Placement, Uplink
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.parts import Settings
-from iout_marl.testing.recorded import actions_for, first_state
+from iout_marl.testing.recorded import actions_for, chance_for, first_state
 from iout_marl.world import World
 
 #: Draws of layouts that are compared.
@@ -124,7 +124,7 @@ def check_tables(_: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
     for seed in seeds:
         state, levels = first_state(world, [seed]), np.zeros(world.num_nodes, dtype=np.int64)
         for slot, action in enumerate(actions_for(world, seed)):
-            state, events = world.step(state, action)
+            state, events = world.step(state, action, world.expected)
             _follow(field, levels, codes.index(int(state.cell[0, 0])), events)
             where = f"slot {slot} by seed {seed}: "
             assert (levels < field.num_levels).all(), f"{where}search_tables forbid what is done"
@@ -137,10 +137,10 @@ def check_reasons(_: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
     """Why uplinks have failed: flags for reasons, of which every failed uplink has one."""
     world = World(scenario)
     for seed in seeds:
-        state = first_state(world, [seed])
+        state, chance = first_state(world, [seed]), chance_for(world, [seed])
         for slot, action in enumerate(actions_for(world, seed)):
             before = state
-            state, events = world.step(before, action)
+            state, events = world.step(before, action, next(chance))
             found = world.outcomes(before, events, state)
             arrived = np.array([[reason is None for reason in row] for row in found])
             where = f"slot {slot} by seed {seed}: "
@@ -183,11 +183,11 @@ def _follow(field: FiniteGame, levels: Any, cell: int, events: Any) -> None:
 def check_storage(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
     """Energy is conserved, node by node; a store without limits leaves it as it is; reasons."""
     world = World(scenario, len(seeds))
-    state = first_state(world, seeds)
+    state, chance = first_state(world, seeds), chance_for(world, seeds)
     start_j, env = state.energy_j, np.arange(len(seeds))[:, None]
     gained_j = np.zeros_like(start_j)
     for slot, action in enumerate(actions_for(world, seeds[0])):
-        state, events = world.step(state, action)
+        state, events = world.step(state, action, next(chance))
         # Whoever names nobody moves no energy.
         charged, heard = (
             np.minimum(named, world.num_nodes - 1) for named in (events.charged, events.heard)
@@ -210,10 +210,10 @@ def check_storage(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
 def check_vehicle(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
     """Energy is conserved, AUV by AUV, and never below 0; who is stranded does nothing; reasons."""
     world = World(scenario, len(seeds))
-    state = first_state(world, seeds)
+    state, chance = first_state(world, seeds), chance_for(world, seeds)
     for slot, action in enumerate(actions_for(world, seeds[0]) if part.is_limited else ()):
         before = state
-        state, events = world.step(before, action)
+        state, events = world.step(before, action, next(chance))
         where = f"slot {slot} by seeds {seeds}"
         spent_j = state.propulsion_j + state.hotel_j + state.charging_j
         come_j = world.vehicle.initial_j + state.docked_j
@@ -231,10 +231,11 @@ def check_vehicle(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
 def check_hearing(_: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
     """No node is heard twice in a slot; packets fit into it; energy is conserved; reasons."""
     world = World(scenario, len(seeds))
-    state, most = first_state(world, seeds), world.hearing.uplinks_per_slot
+    state, chance = first_state(world, seeds), chance_for(world, seeds)
+    most = world.hearing.uplinks_per_slot
     for slot, action in enumerate(actions_for(world, seeds[0])):
         before = state
-        state, events = world.step(before, action)
+        state, events = world.step(before, action, next(chance))
         where = f"slot {slot} by seeds {seeds}: "
         sent = events.polled < world.num_nodes
         own = events.delivered + events.polled_delivered.sum(axis=2)

@@ -27,10 +27,12 @@ from iout_marl.testing.environments import SEEDS
 from iout_marl.testing.recorded import (
     Slot,
     actions_for,
+    chance_for,
     compare,
     episode,
     first_state,
     permuted,
+    permuted_chance,
     renamed,
 )
 from iout_marl.testing.settings import check_settings
@@ -242,10 +244,11 @@ def _values(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None
     world = World(scenario, len(seeds))
     watch(world, subject.is_it)
     state = first_state(world, seeds)
+    chance = chance_for(world, seeds)
     for slot, action in enumerate(actions_for(world, seeds[0])):
         given = state.map(np.copy), action.copy()
         world.observe(state)
-        after, events = world.step(state, action)
+        after, events = world.step(state, action, next(chance))
         world.reward(after, events)
         compare((state, action), given, 0, f"slot {slot}: an argument is changed: ")
         state = after
@@ -260,7 +263,12 @@ def _batch(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
     together = subject.played(scenario, seeds)
     for i, seed in enumerate(seeds):
         alone = World(scenario)
-        slots = episode(alone, first_state(alone, [seed]), actions[:, i : i + 1])
+        slots = episode(
+            alone,
+            first_state(alone, [seed]),
+            actions[:, i : i + 1],
+            chance=chance_for(alone, [seed]),
+        )
         _compare_slots([slot.of_env(i) for slot in together], slots, ROUNDING)
 
 
@@ -273,7 +281,8 @@ def _torch(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
 
 def _played(scenario: Scenario, seeds: Sequence[int], **backend: Any) -> list[Slot]:
     world = World(scenario, len(seeds), **backend)
-    return episode(world, first_state(world, seeds), actions_for(world, seeds[0]))
+    start, actions = first_state(world, seeds), actions_for(world, seeds[0])
+    return episode(world, start, actions, chance=chance_for(world, seeds))
 
 
 def _nodes(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
@@ -295,11 +304,12 @@ def _permute(
     place = None
     if subject.entry.role == "observation entry":
         place = by_role.place_of_entry(world, subject.is_it)
-        slots = episode(world, start, actions, place)
+        slots = episode(world, start, actions, place, chance=chance_for(world, seeds))
     else:
         slots = subject.played(scenario, seeds)
     start, actions = permuted(start, **order), permuted_actions(actions, **order)
-    again = episode(world, start, actions, place)
+    chance = (drawn and permuted_chance(drawn, **order) for drawn in chance_for(world, seeds))
+    again = episode(world, start, actions, place, chance=chance)
     # Observations are of many parts; of an entry, its own are compared.
     _compare_slots(
         [slot.without("observation") for slot in again],
@@ -330,7 +340,7 @@ def _single(_: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
     seed = seeds[0]
     world = World(scenario)
     actions = actions_for(world, seed)
-    slots = episode(world, first_state(world, [seed]), actions)
+    slots = episode(world, first_state(world, [seed]), actions, chance=chance_for(world, [seed]))
     env = iout_v0.parallel_env(scenario)
     env.reset(seed=seed)
     for number, (slot, action) in enumerate(zip(slots, actions, strict=True)):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.physics.arrays import Array
-from iout_marl.world import State, World, node_codes
+from iout_marl.world import Chance, ChanceStream, State, World, node_codes
 
 Values = npt.NDArray[Any]
 #: Slots that are played: enough for every age to stop, and for each node to be charged and heard.
@@ -90,6 +91,24 @@ def first_state(world: World, seeds: Sequence[int]) -> State:
     return world.reset(node_codes(world.scenario, world.grid, rngs))
 
 
+def chance_for(world: World, seeds: Sequence[int]) -> Iterator[Chance | None]:
+    """The chance of episodes of these seeds, slot by slot."""
+    stream = ChanceStream(world.scenario, [np.random.default_rng(seed) for seed in seeds])
+    return (chance and chance.map(world.backend.floats) for chance in stream)
+
+
+def permuted_chance(
+    chance: Chance, nodes: Values | None = None, auvs: Values | None = None
+) -> Chance:
+    """The chance of a slot of a world whose nodes or AUVs are in another order."""
+    fading, arrival = chance.fading, chance.arrival
+    if nodes is not None and fading.shape[-1]:
+        fading = fading[..., nodes]
+    if auvs is not None:
+        fading, arrival = (each[:, auvs] if each.shape[1] else each for each in (fading, arrival))
+    return chance._replace(fading=fading, arrival=arrival)
+
+
 def actions_for(world: World, seed: int) -> npt.NDArray[np.int64]:
     """(slots, envs, auvs, entries) random actions, those of fewer environments among them."""
     rng = np.random.default_rng(seed)
@@ -99,7 +118,12 @@ def actions_for(world: World, seed: int) -> npt.NDArray[np.int64]:
 
 
 def episode(
-    world: World, state: State, actions: npt.NDArray[np.int64], place: int | None = None
+    world: World,
+    state: State,
+    actions: npt.NDArray[np.int64],
+    place: int | None = None,
+    *,
+    chance: Iterable[Chance | None] = itertools.repeat(None),
 ) -> list[Slot]:
     """Play by these actions.
 
@@ -109,10 +133,11 @@ def episode(
         actions: (slots, envs, auvs, entries).
         place: of an entry of observations that is recorded by itself: its number for each node,
             or, for want of knowing which belong to which node, all in rising order.
+        chance: of each slot, by `chance_for`, in worlds that take any.
     """
     found = []
-    for action in actions:
-        state, events = world.step(state, world.backend.integers(action))
+    for action, drawn in zip(actions, chance, strict=False):
+        state, events = world.step(state, world.backend.integers(action), drawn)
         values: dict[str, Any] = state._asdict()
         for name, array in events._asdict().items():
             values[name if name not in values else f"event {name}"] = array

@@ -21,6 +21,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.core.chance import Chance, shape_of
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import unheard
 from iout_marl.core.state import Events, State
@@ -107,11 +108,14 @@ class UnrolledSlot:
         shape = (1, world.num_auvs, len(world.action_sizes))
         action = SymbolArray.unknown(program, "action", np.zeros(shape, dtype=np.int64))
         before = State(*(SymbolArray.unknown(program, *item) for item in state._asdict().items()))
-        after, events = world.step(before, action)
+        drawn = {name: np.zeros(shape_of(name, world.chance, 1)) for name in Chance._fields}
+        chance = Chance(*(SymbolArray.unknown(program, *item) for item in drawn.items()))
+        after, events = world.step(before, action, chance)
         mask = [world.action_mask(after)] if with_mask else []
         results = [after, events, [world.reward(after, events)], [world.observe(after)], mask]
         self._function = program.function(
-            [numbers(before), numbers([action])], [numbers(each) for each in results]
+            [numbers(before), numbers([action]), numbers(chance)],
+            [numbers(each) for each in results],
         )
         self._state = [(array.shape, array.dtype) for array in state]
         self._events = [(array.shape, array.dtype) for array in events]
@@ -120,19 +124,22 @@ class UnrolledSlot:
         self.in_events = _places(Events._fields, self._events)
 
     def __call__(
-        self, state: Numbers, action: Sequence[int]
+        self, state: Numbers, action: Sequence[int], chance: Numbers = ()
     ) -> tuple[Numbers, Numbers, Numbers, Numbers, Numbers]:
         """One slot.
 
         Args:
             state: `numbers` of the state before it.
             action: the entries of the AUVs' actions, one AUV after the other.
+            chance: `numbers` of the slot's chance, where there is any.
 
         Returns:
             numbers of the state after it, of what happened in it, of the (auvs) rewards, of
             the (auvs, entries) observations, and of the (auvs, choices) mask, if asked for.
         """
-        result: tuple[Numbers, Numbers, Numbers, Numbers, Numbers] = self._function(state, action)
+        result: tuple[Numbers, Numbers, Numbers, Numbers, Numbers] = self._function(
+            state, action, chance
+        )
         return result
 
     def state(self, of: Numbers) -> State:

@@ -11,6 +11,7 @@ from iout_marl.core.grid import Grid
 from iout_marl.parts import Placement
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.parts import settings_of
+from iout_marl.world.chance import draws_of
 
 
 def node_codes(
@@ -39,10 +40,10 @@ def redraws_every_episode(scenario: Scenario) -> bool:
 def has_chance(scenario: Scenario) -> bool:
     """Whether the episodes of a run may differ though the actions do not.
 
-    Only layouts are left to chance, and one that is drawn once for a run is the same in all of
-    its episodes.
+    Layouts may be left to chance, though one that is drawn once for a run is the same in all of
+    its episodes, and so may slots.
     """
-    return redraws_every_episode(scenario)
+    return redraws_every_episode(scenario) or bool(draws_of(scenario))
 
 
 def draws_layout_once(scenario: Scenario) -> bool:

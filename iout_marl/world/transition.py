@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from iout_marl.core.age import advance, jain_index
+from iout_marl.core.chance import Chance
 from iout_marl.core.split import Split
 from iout_marl.core.state import Events, State
 from iout_marl.parts import Request
@@ -51,7 +52,7 @@ class Transition:
         nowhere = backend.zeros((world.num_envs, world.num_nodes))
         self._maximum_age = nowhere + float(world.scenario.age.maximum)
 
-    def __call__(self, state: State, action: Array) -> tuple[State, Events]:
+    def __call__(self, state: State, action: Array, chance: Chance | None) -> tuple[State, Events]:
         """See `World.step`."""
         world = self._world
         xp, link, nodes = world.backend.xp, world.link, world.nodes

@@ -48,7 +48,8 @@ def check_first_slot(
     world.observe(state)
     shape, rng = (num_envs, world.num_auvs), np.random.default_rng(0)
     action = np.stack([rng.integers(0, n, shape) for n in world.action_sizes], axis=-1)
-    state, events = world.step(state, world.backend.integers(action))
+    chance = next(world.draw_chance(0))
+    state, events = world.step(state, world.backend.integers(action), chance)
     world.reward(state, events)
     world.observe(state)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import ModuleType
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from iout_marl.arrays.backend import Backend
 from iout_marl.arrays.nodes import NodeAxis
+from iout_marl.core.chance import Chance, shape_of
 from iout_marl.core.credit import Credit
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import MOST_ENVS, check_scenario
@@ -37,6 +38,7 @@ from iout_marl.scenario import AnyScenario, Overrides, load_scenario
 from iout_marl.scenario.parts import outside_parts
 from iout_marl.whole import MAX_SEED, whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
+from iout_marl.world.chance import ChanceStream, completed, draws_of
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
@@ -76,6 +78,11 @@ class World:
             network, of an episode.
         may_be_idle: whether an AUV may charge and hear nobody, which is K: by choice
             (`auvs.idle_choices`), or for want of energy.
+        chance: what a slot draws of each environment, by field of `Chance`; empty where the
+            scenario leaves nothing of a slot to chance.
+        expected: the chance by which planners step, whose normal numbers are 0, and which has no
+            uniform ones: of what they decide the expected share happens. None where nothing is
+            left to chance.
         action_sizes: number of choices of each entry of an AUV's action: (directions, K, K)
             in FDD, (directions, K) in TDD; K + 1 for K with `auvs.idle_choices`.
 
@@ -155,6 +162,8 @@ class World:
         self._one = backend.floats(1.0)
         self._check_layout = LayoutCheck((num_envs, self.num_nodes), self.grid)
         self._check_action = ActionCheck(num_envs, self.num_auvs, self.action_sizes)
+        self.chance = draws_of(scenario)
+        self.expected = self._expected() if self.chance else None
         self.transition = Transition(self)
         self._check_parts(library, dtype, device)
 
@@ -211,14 +220,38 @@ class World:
         )
 
     def _drawn(self, seed: int | None) -> npt.NDArray[np.int64]:
-        if seed is None:
-            rngs = [np.random.default_rng() for _ in range(self.num_envs)]
-        else:
-            first = whole_argument("seed", seed, 0, MAX_SEED)
-            rngs = [np.random.default_rng(first + i) for i in range(self.num_envs)]
-        return node_codes(self.scenario, self.grid, rngs)
+        return node_codes(self.scenario, self.grid, self._streams(seed))
 
-    def step(self, state: State, action: Array) -> tuple[State, Events]:
+    def _streams(self, seed: int | None) -> list[np.random.Generator]:
+        if seed is None:
+            return [np.random.default_rng() for _ in range(self.num_envs)]
+        first = whole_argument("seed", seed, 0, MAX_SEED)
+        return [np.random.default_rng(first + i) for i in range(self.num_envs)]
+
+    def draw_chance(self, seed: int | None = None) -> Iterator[Chance | None]:
+        """The chance of an episode of every environment, slot by slot, for `step`.
+
+        Args:
+            seed: environment i has the chance of an environment reset by `seed + i`. None takes
+                the operating system's entropy.
+
+        Raises:
+            InputError: the seed is something else.
+        """
+        stream = ChanceStream(self.scenario, self._streams(seed))
+        return (chance and chance.map(self.backend.floats) for chance in stream)
+
+    def _expected(self) -> Chance:
+        normal = {
+            name: self.backend.zeros(shape_of(name, self.chance, self.num_envs))
+            for name, draw in self.chance.items()
+            if draw.distribution == "normal"
+        }
+        return completed(normal, self.backend, {}, self.num_envs)
+
+    def step(
+        self, state: State, action: Array, chance: Chance | None = None
+    ) -> tuple[State, Events]:
         """One slot of every environment.
 
         Args:
@@ -229,11 +262,21 @@ class World:
                 for it, and in TDD its β is 0. One that hears nobody gets no packet, no node spends
                 anything for it, it takes no part of the band, and it polls nobody. So it is with an
                 AUV whose battery is empty, whatever it names; its direction is ignored, too.
+            chance: what was drawn for the slot, such as by `draw_chance`, or `expected`. None in
+                worlds that leave nothing to chance, which do not look at it.
 
         Returns:
             the state after the slot, and what happened in it.
+
+        Raises:
+            InputError: there is no chance in a world that takes some.
         """
-        return self.transition(state, action)
+        if chance is None and self.chance:
+            raise InputError(
+                f"{self.scenario.name} leaves {', '.join(self.chance)} to chance: pass "
+                "`chance`, such as next(world.draw_chance(seed)) in each slot, or world.expected"
+            )
+        return self.transition(state, action, chance)
 
     def outcomes(self, before: State, events: Events, after: State) -> Outcomes:
         """Why uplinks of a slot have failed, of a world on NumPy: see `world.outcomes`."""
@@ -245,16 +288,19 @@ class World:
         """The same of nodes polled beside: see `world.outcomes.polled_outcomes`."""
         return polled_outcomes(self, before, events, after)
 
-    def checked_step(self, state: State, action: Any) -> tuple[State, Events]:
+    def checked_step(
+        self, state: State, action: Any, chance: Chance | None = None
+    ) -> tuple[State, Events]:
         """`step`, after a look at what it is given.
 
         Args:
             state: a state of this world, of an episode that is not over.
             action: as for `step`; lists will do.
+            chance: as for `step`.
 
         Raises:
-            InputError: the state is another world's; an action is not of integers, has another
-                shape, or lies outside its range.
+            InputError: the state, or the chance, is another world's; an action is not of integers,
+                has another shape, or lies outside its range.
             RuntimeError: an episode is over.
         """
         if not isinstance(state, State):
@@ -268,7 +314,18 @@ class World:
             )
         if int(self.backend.xp.max(state.slot)) >= self.num_slots:
             raise RuntimeError(f"the episode is over, after {self.num_slots} slots: reset first")
-        return self.step(state, self.backend.integers(self._check_action(action)))
+        if chance is not None:
+            self._check_chance(chance)
+        return self.step(state, self.backend.integers(self._check_action(action)), chance)
+
+    def _check_chance(self, chance: Chance) -> None:
+        if not isinstance(chance, Chance):
+            raise InputError(f"chance must be a Chance, not {type(chance).__name__}")
+        for name, draw in self.chance.items():
+            found, expected = getattr(chance, name).shape, (self.num_envs, *draw.shape)
+            is_expected = draw.distribution == "uniform" and found[-1] == 0
+            if tuple(found) != expected and not is_expected:
+                raise InputError(f"chance: {name} must have the shape {expected}, not {found}")
 
     def reward_terms(self, state: State, events: Events) -> Mapping[str, Array]:
         """The terms of a slot's reward, (envs, auvs) each; `state` is that after the slot."""
@@ -295,7 +352,9 @@ class World:
         """
         return self.observer.observe(state)
 
-    def slot(self, state: State, action: Array) -> tuple[State, Array, Array]:
+    def slot(
+        self, state: State, action: Array, chance: Chance | None = None
+    ) -> tuple[State, Array, Array]:
         """All of a slot that a learner needs: the state after it, rewards and observations.
 
         On torch it compiles into one graph, several times as fast as the calls one by one:
@@ -304,9 +363,9 @@ class World:
             state, reward, observation = slot(state, action)
 
         Args:
-            state, action: as for `step`.
+            state, action, chance: as for `step`.
         """
-        state, events = self.step(state, action)
+        state, events = self.step(state, action, chance)
         return state, self.reward(state, events), self.observe(state)
 
     def metrics(self, state: State) -> dict[str, Array]:

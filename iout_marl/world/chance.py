@@ -1,0 +1,121 @@
+"""Who draws the chance of episodes: for each environment from a stream of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.arrays.backend import Backend
+from iout_marl.core.chance import Chance, Draw, shape_of
+from iout_marl.physics.arrays import Array
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.parts import parts_in
+
+#: Numbers that are drawn ahead for an environment, at most, unless a slot takes more.
+_AHEAD = 2**14
+_BACKEND = Backend.from_library()
+
+
+def draws_of(scenario: Scenario) -> dict[str, Draw]:
+    """What a slot of one environment draws, by field of `Chance`; nothing in most scenarios."""
+    return {
+        name: draw
+        for _, settings in parts_in(scenario)
+        if settings.part.is_of_world
+        for name, draw in settings.part.draws(scenario).items()
+    }
+
+
+class ChanceStream(Iterator[Chance | None]):
+    """The chance of a batch of episodes, slot by slot, as float64 NumPy arrays.
+
+    Every environment has a stream of its own, a child of the one that its layout is drawn from,
+    which itself is left as it is: so an environment has the same numbers alone and in a batch, and
+    in an episode the same however long the one before it was. Of a scenario that leaves nothing to
+    chance, all that comes is None.
+
+    Args:
+        scenario: the scenario.
+        rngs: of each environment; those that `node_codes` takes.
+    """
+
+    def __init__(self, scenario: Scenario, rngs: Sequence[np.random.Generator]) -> None:
+        self._draws = draws_of(scenario)
+        self._num_envs = len(rngs)
+        a_slot = sum(math.prod(draw.shape) for draw in self._draws.values())
+        #: Slots that are drawn at once: the same number whatever the batch.
+        self._slots = min(max(_AHEAD // max(a_slot, 1), 1), scenario.num_slots)
+        # As the world lays arrays out: slots first, then the axes in reverse order.
+        self._ahead = {
+            name: np.empty((self._slots, *draw.shape[::-1], self._num_envs))
+            for name, draw in self._draws.items()
+        }
+        self._next = np.full(self._num_envs, self._slots)
+        self._rngs = [self._child(rng) for rng in rngs]
+
+    def _child(self, rng: np.random.Generator) -> np.random.Generator | None:
+        if not self._draws:
+            return None
+        # A child's child: policies draw from the children themselves, see `EpisodeStreams`.
+        sequence: Any = rng.bit_generator.seed_seq
+        return np.random.default_rng(sequence.spawn(1)[0].spawn(1)[0])
+
+    def restart(self, rngs: Mapping[int, np.random.Generator]) -> None:
+        """Begin anew for some environments, by index; the others go on."""
+        for env, rng in rngs.items():
+            self._rngs[env] = self._child(rng)
+            self._next[env] = self._slots
+
+    def __next__(self) -> Chance | None:
+        if not self._draws:
+            return None
+        due = np.flatnonzero(self._next == self._slots).tolist()
+        if due:
+            self._draw(due)
+        first = int(self._next[0])
+        alike = bool((self._next == first).all())
+        found = {
+            name: (ahead[first] if alike else _each(ahead, self._next)).T
+            for name, ahead in self._ahead.items()
+        }
+        self._next += 1
+        return completed(found, _BACKEND, self._draws, self._num_envs)
+
+    def _draw(self, envs: list[int]) -> None:
+        # What was handed out before is not written over.
+        if len(envs) == self._num_envs:
+            self._ahead = {name: np.empty_like(ahead) for name, ahead in self._ahead.items()}
+        else:
+            self._ahead = {name: ahead.copy() for name, ahead in self._ahead.items()}
+        for env in envs:
+            rng = self._rngs[env]
+            assert rng is not None
+            for name, draw in self._draws.items():
+                size = (self._slots, *draw.shape[::-1])
+                normal = draw.distribution == "normal"
+                self._ahead[name][..., env] = (
+                    rng.standard_normal(size) if normal else rng.random(size)
+                )
+            self._next[env] = 0
+
+
+def _each(ahead: npt.NDArray[np.float64], slot: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+    """Of every environment its own slot, (…, envs)."""
+    rows = [ahead[number, ..., env] for env, number in enumerate(slot.tolist())]
+    return np.stack(rows, axis=-1)
+
+
+def completed(
+    found: Mapping[str, Array], backend: Backend, draws: dict[str, Draw], num_envs: int
+) -> Chance:
+    """The chance of a slot from what was drawn, with arrays without columns for the rest."""
+    return Chance(
+        *(
+            found[name] if name in found else backend.zeros(shape_of(name, draws, num_envs))
+            for name in Chance._fields
+        )
+    )
