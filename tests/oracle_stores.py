@@ -76,6 +76,10 @@ class Stores:
             "leaked_j": sum(self.leaked_j),
             "idle_j": sum(self.idle_j),
             "asleep_share": sum(self.asleep_slots) / node_slots,
+            "stored_j_per_day": (self.oracle.harvested_j - sum(self.spilled_j))
+            / (node_slots * self.oracle.scenario.slot_s)
+            * 24
+            * 3600,
             **self.survival(),
         }
 

@@ -136,7 +136,10 @@ class Vehicles:
         if not self.is_limited:
             return {}
         count = len(self.battery_j)
+        spent_j = math.fsum((*self.propulsion_j, *self.hotel_j, *self.charging_j))
         return {
+            "packet_wh": spent_j / 3600 / max(sum(self.oracle.deliveries), 1),
+            "charging_kj_per_j": sum(self.charging_j) / 1000 / max(self.oracle.harvested_j, 1),
             "distance_m": math.fsum(self.distance_m),
             "propulsion_kj": sum(self.propulsion_j) / 1000,
             "hotel_kj": sum(self.hotel_j) / 1000,

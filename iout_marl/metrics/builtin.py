@@ -77,9 +77,32 @@ def _energy_of_auvs(cause: str, definition: str, title: str = "") -> Metric:
     )
 
 
+def _packet_wh(world: World, state: State) -> Array:
+    delivered = world.nodes.sum(state.deliveries)
+    drawn_j = sum(_over_auvs(world, getattr(state, f"{cause}_j")) for cause in CAUSES)
+    return drawn_j / SECONDS_PER_HOUR / _at_least_one(world, delivered)
+
+
+def _charging_price(world: World, state: State) -> Array:
+    return _over_auvs(world, state.charging_j) / 1000 / _at_least_one(world, state.harvested_j)
+
+
+def _at_least_one(world: World, values: Array) -> Array:
+    xp = world.backend.xp
+    return xp.maximum(values, xp.ones_like(values))
+
+
+def _node_days(world: World, state: State) -> Array:
+    return world.slots_over(state) * (world.link.slot_s / SECONDS_PER_DAY * world.num_nodes)
+
+
 def _reward(world: World, total: Array) -> Array:
     return world.backend.xp.mean(total, axis=1)
 
+
+SECONDS_PER_HOUR, SECONDS_PER_DAY = 3600.0, 86400.0
+#: What AUVs spend energy on, see `State`.
+CAUSES = ("propulsion", "hotel", "charging")
 
 #: The built-in metrics of every world, in the order of reports.
 BUILTIN = (
@@ -322,6 +345,22 @@ OF_STORES = (
         low=0.0,
         applies=lambda scenario: scenario.storage.part.drains,
     ),
+    Metric(
+        "stored_j_per_day",
+        lambda world, state: (
+            (state.harvested_j - world.nodes.sum(state.spilled_j)) / _node_days(world, state)
+        ),
+        definition="Energy that a node has stored of what it has harvested, a day: what AUVs bring "
+        "it, averaged over nodes.",
+        unit="J/day",
+        heading="stored J/day",
+        axis_title="Energy stored by a node in J/day",
+        title="Energy brought to a node",
+        tag="energy/stored_j_per_day",
+        better="more",
+        low=0.0,
+        applies=_has_limited_stores,
+    ),
 )
 
 #: Of scenarios whose AUVs can run out of energy.
@@ -377,6 +416,34 @@ OF_VEHICLES = (
         better="less",
         low=0.0,
         high=1.0,
+        applies=_has_limited_vehicles,
+    ),
+    Metric(
+        "packet_wh",
+        _packet_wh,
+        definition="Energy that all AUVs have drawn, for each packet delivered; where none was, as "
+        "if one had been.",
+        unit="Wh",
+        heading="Wh a packet",
+        axis_title="Energy of the AUVs in Wh a packet",
+        title="Energy for a packet",
+        tag="vehicle/packet_wh",
+        better="less",
+        low=0.0,
+        applies=_has_limited_vehicles,
+    ),
+    Metric(
+        "charging_kj_per_j",
+        _charging_price,
+        definition="Energy that AUVs have drawn for charging, for each joule that nodes have "
+        "harvested; where that is less than one, as if it were one.",
+        unit="kJ/J",
+        heading="kJ a joule",
+        axis_title="Price of charging in kJ a joule harvested",
+        title="Price of charging",
+        tag="vehicle/charging_kj_per_j",
+        better="less",
+        low=0.0,
         applies=_has_limited_vehicles,
     ),
 )
