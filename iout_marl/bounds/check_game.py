@@ -46,10 +46,10 @@ def is_covered(scenario: Scenario) -> bool:
     They are for one AUV that hears the node that it names and no other, for nodes that stay where
     they are, for a duplex part that states what a slot does to levels of energy, for stores with
     which nodes can do nothing that they could not do with empty ones without limits, and for
-    vehicles likewise.
+    vehicles and currents likewise.
     """
     is_fixed = scenario.nodes.part.redraws == "never"
-    limits = scenario.storage.part, scenario.vehicle.part
+    limits = scenario.storage.part, scenario.vehicle.part, scenario.current.part
     only_removes = all(part.can_only_remove(scenario) for part in limits)
     has_tables = scenario.duplex.part.has_tables
     hears_one = not scenario.hearing.part.polls

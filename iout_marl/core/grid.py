@@ -84,6 +84,17 @@ class Grid:
         """Lengths of (…, 3) differences in cells, in m: (…)."""
         return self.lengths(steps) * min(self.edges_m)
 
+    def offset_steps(self) -> npt.NDArray[np.int64]:
+        """Differences along x, y and z, (…, 3), by code difference + `offset_origin`.
+
+        They are 0 where no two cells have that difference.
+        """
+        steps = [np.arange(1 - n, n) for n in self.shape]
+        codes = [axis * stride for axis, stride in zip(steps, self.strides, strict=True)]
+        table = np.zeros((2 * self.num_codes - 1, 3), dtype=np.int64)
+        table[_sums(codes) + self.offset_origin] = np.stack(np.meshgrid(*steps, indexing="ij"), -1)
+        return table
+
     def offset_distances(self) -> Floats:
         """Euclidean distance in cells by code difference + `offset_origin`."""
         return self._by_offset(np.ones(3))

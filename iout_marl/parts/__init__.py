@@ -23,6 +23,7 @@ from iout_marl.parts.access import Access, Request, Uplinks, access_rules
 from iout_marl.parts.base import Context, Part, at_work
 from iout_marl.parts.beta_rule import BetaRule, beta_rules
 from iout_marl.parts.channel import Channel, channels
+from iout_marl.parts.current import Current, Frames, currents
 from iout_marl.parts.duplex import Duplex, duplexes
 from iout_marl.parts.entry import Entry, entries
 from iout_marl.parts.harvester import Harvester, harvesters
@@ -58,11 +59,13 @@ __all__ = [
     "Channel",
     "Context",
     "Count",
+    "Current",
     "DataFile",
     "Decibels",
     "Duplex",
     "Entry",
     "Fraction",
+    "Frames",
     "Harvester",
     "Heard",
     "Hearing",
@@ -92,6 +95,7 @@ __all__ = [
     "at_work",
     "beta_rules",
     "channels",
+    "currents",
     "duplexes",
     "entries",
     "harvesters",

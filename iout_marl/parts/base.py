@@ -9,6 +9,7 @@ from iout_marl.arrays.backend import Backend
 from iout_marl.arrays.nodes import NodeAxis
 from iout_marl.core.chance import Draw
 from iout_marl.core.credit import Credit
+from iout_marl.core.current import CurrentField
 from iout_marl.core.grid import Grid
 from iout_marl.core.link import Link
 from iout_marl.core.view import View
@@ -35,6 +36,7 @@ class Context:
         credit: whom the network's reward is credited to.
         view: what AUVs know of nodes that they do not see.
         representation: how observations write positions, ages, energies.
+        current: the current of the water; None where it is still.
     """
 
     scenario: Scenario
@@ -46,6 +48,7 @@ class Context:
     credit: Credit
     view: View
     representation: Representation
+    current: CurrentField | None
 
 
 def at_work(settings: Any, world: Context) -> Any:

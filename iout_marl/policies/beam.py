@@ -115,7 +115,7 @@ class BeamSearch:
 
     def _expand(self, before: State, cells: Integers, rng: np.random.Generator) -> Integers:
         """The actions to try in a slot, (exponents · width · moves · choices, auvs, entries)."""
-        direction = self._moves_near(before.cell, cells, rng)
+        direction = self._moves_near(before, cells, rng)
         if self._choices > 1:
             factor = np.exp(NOISE * rng.standard_normal(before.age.shape))
             factor[:: self._choices] = 1
@@ -123,15 +123,16 @@ class BeamSearch:
         action = self._simulator.actions(before, direction)
         return action.reshape(-1, *action.shape[2:])
 
-    def _moves_near(self, cell: Integers, target: Integers, rng: np.random.Generator) -> Integers:
-        """Directions to try from (width · moves · choices, auvs) cells."""
+    def _moves_near(self, before: State, target: Integers, rng: np.random.Generator) -> Integers:
+        """Directions to try from the states of width · moves · choices environments."""
+        cell = before.cell
         if cell.shape[1] == 1:
             every = np.repeat(np.arange(self._directions), self._choices)
             return np.tile(every, self._width)[:, None]
         strays = rng.random(cell.shape) < 0.5
         strays[:: self._moves * self._choices] = False
         stray = rng.integers(0, self._directions, cell.shape)
-        towards = self._simulator.towards(cell, np.broadcast_to(target, cell.shape))
+        towards = self._simulator.towards(before, np.broadcast_to(target, cell.shape))
         return np.where(strays, stray, towards)
 
     def _score(self, state: State, weights: Weights, slots_left: int) -> Floats:

@@ -35,8 +35,10 @@ class Return(BasePolicy):
     It turns back as soon as one more slot of its round, in which it charges throughout, would
     leave too little for the way to the nearest dock, and goes on with a battery that is `FULL`.
     Nodes are named as by `tour`. Where an AUV may charge nobody (`auvs.idle_choices`), it charges
-    nobody on its way back. AUVs that get in one another's way are not foreseen. Without docks, or
-    end of energy, it is a round alone.
+    nobody on its way back. AUVs that get in one another's way are not foreseen. In a current every
+    move is reckoned as one against the strongest that there is, and none is chosen that is
+    impossible now; one that takes an AUV away is not foreseen. Without docks, or end of energy, it
+    is a round alone.
     """
 
     name = "return"
@@ -49,6 +51,7 @@ class Return(BasePolicy):
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:  # noqa: ARG002
         found = self._round(world, state)
         here, every = state.cell, np.indices(state.cell.shape)
+        possible = world.manoeuvre.open(state)
         neighbours, inside = world.motion.neighbours(here), world.motion.stays_inside(here)
         for _ in range(found.stops.shape[-1]):  # stops of one cell are all reached at once
             stop = found.stops[*every, found.at]
@@ -57,11 +60,11 @@ class Return(BasePolicy):
             arrived = _way_m(world, here, stop) <= way_m.min(-1)
             found.at = np.where(arrived, (found.at + 1) % found.stops.shape[-1], found.at)
         stop = found.stops[*every, found.at][..., None]
-        direction = np.where(inside, _way_m(world, neighbours, stop), np.inf).argmin(-1)
+        direction = np.where(possible, _way_m(world, neighbours, stop), np.inf).argmin(-1)
         if world.vehicle.is_limited and world.vehicle.docks:
             home_j = self._energy_home_j(world)
             found.is_returning = _returns(world, state, direction, found.is_returning, home_j)
-            homewards = np.where(inside, home_j[neighbours], np.inf).argmin(-1)
+            homewards = np.where(possible, home_j[neighbours], np.inf).argmin(-1)
             direction = np.where(found.is_returning, homewards, direction)
         nodes = _named(world, state, direction, found.is_returning)
         return np.concatenate([direction[..., None], nodes], axis=-1)
@@ -96,7 +99,7 @@ class Return(BasePolicy):
             vehicle, grid, slot_s = world.vehicle, world.grid, world.link.slot_s
             slots, cells = world.motion.pace.along_axes(world.motion.steps)
             speed = np.array(grid.edges_m) * cells / (slots * slot_s)
-            power_w = np.asarray(vehicle.propulsion_power_w(speed))
+            power_w = np.asarray(vehicle.propulsion_power_w(speed + _against_m_per_s(world)))
             move_j = (power_w + vehicle.hotel_w + _charging_w(world)) * slots * slot_s
             docks = np.array(vehicle.docks) - 1
             moves = -(-np.abs(grid.coordinate_table()[:, None, :] - docks) // cells)
@@ -108,6 +111,11 @@ def _way_m(world: World, first: Integers, second: Integers) -> Floats:
     """The way between cells, which broadcast."""
     way_m: Floats = world.link.at(world.link.way_m, world.link.offset(first, second))
     return way_m
+
+
+def _against_m_per_s(world: World) -> float:
+    """By how much a current may at most make moves faster through the water than over ground."""
+    return 0.0 if world.current is None else world.current.strongest_m_per_s
 
 
 def _charging_w(world: World) -> float:
@@ -126,7 +134,10 @@ def _returns(
     """Which AUVs head for a dock, or recharge there."""
     vehicle, slot_s = world.vehicle, world.link.slot_s
     target = world.motion.targets(state, direction)
-    slot_j = np.asarray(vehicle.propulsion_j(state.cell, target))
+    if world.current is None:
+        slot_j = np.asarray(vehicle.propulsion_j(state, target))
+    else:
+        slot_j = vehicle.dearest_j(state.cell, target)
     slot_j = slot_j + (vehicle.hotel_w + world.scenario.charging.power_w) * slot_s
     left_j = state.battery_j - vehicle.slots(state.cell, target) * slot_j
     goes_on = is_returning & (state.battery_j < FULL * vehicle.capacity_j)
@@ -138,7 +149,9 @@ def _named(
     world: World, state: State, direction: Integers, is_returning: npt.NDArray[np.bool_]
 ) -> Integers:
     """The nodes that AUVs name after their moves, (envs, auvs, 1 or 2)."""
-    cell = world.motion.move(state, direction).cell
+    # What a battery cannot pay for is not foreseen.
+    moves = world.motion if world.current is None else world.manoeuvre
+    cell = moves.move(state, direction).cell
     nodes = greedy_action(world, state, cell, (1.0,))[0]
     if world.scenario.auvs.idle_choices:
         spares = is_returning

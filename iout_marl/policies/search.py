@@ -153,7 +153,7 @@ class Planner:
         which = np.arange(len(cells)) // count, np.arange(len(cells))
         actions = []
         for slot in range(cells.shape[1]):
-            direction = self._simulator.towards(state.cell, cells[:, slot])
+            direction = self._simulator.towards(state, cells[:, slot])
             action = self._simulator.actions(state, direction)[which]
             actions.append(action)
             state = self._simulator.step(state, action)

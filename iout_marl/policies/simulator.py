@@ -46,20 +46,19 @@ class Simulator:
         )
         self._worlds: dict[int, World] = {1: self.world}
 
-    def towards(self, cell: Integers, target: Integers) -> Integers:
-        """The directions, in the grid, that end nearest to the targets; (envs, auvs) each."""
+    def towards(self, state: State, target: Integers) -> Integers:
+        """The directions, in the grid, that end nearest to the targets; (envs, auvs) each.
+
+        Of those that are possible in the current, where there is one.
+        """
         motion, link = self.world.motion, self.world.link
-        offset = link.offset(motion.neighbours(cell), target[..., None])
+        offset = link.offset(motion.neighbours(state.cell), target[..., None])
         way_m = link.at(link.way_m, offset)
-        return np.where(motion.stays_inside(cell), way_m, np.inf).argmin(-1)
+        return np.where(self.world.manoeuvre.open(state), way_m, np.inf).argmin(-1)
 
     def actions(self, state: State, direction: Integers) -> Integers:
         """Whole actions after (envs, auvs) directions, (urgency_exponents, envs, auvs, entries)."""
-        motion, vehicle = self.world.motion, self.world.vehicle
-        stays = (
-            vehicle.stays(state, motion.targets(state, direction)) if vehicle.is_limited else None
-        )
-        cell = motion.move(state, direction, stays).cell
+        cell = self.world.manoeuvre.move(state, direction).cell
         nodes = greedy_action(self.world, state, cell, self.urgency_exponents)
         directions = np.broadcast_to(direction[..., None], (*nodes.shape[:-1], 1))
         return np.concatenate([directions, nodes], axis=-1)

@@ -63,6 +63,10 @@ class Scenario(Section):
     storage: Annotated[Settings, PartOf("storage", default="unlimited")] = Field(
         {"kind": "unlimited"}, validate_default=True
     )
+    #: How the water moves.
+    current: Annotated[Settings, PartOf("current", is_word=True)] = Field(
+        "none", validate_default=True
+    )
     #: What energy the AUVs have, and what they spend it on.
     vehicle: Annotated[Settings, PartOf("vehicle", default="unlimited")] = Field(
         {"kind": "unlimited"}, validate_default=True
@@ -89,6 +93,7 @@ class Scenario(Section):
         "storage": {"kind": "unlimited"},
         "hearing": "one",
         "vehicle": {"kind": "unlimited"},
+        "current": "none",
     }
     not_hashed: ClassVar[frozenset[str]] = frozenset({"name", "description"})
 
@@ -121,6 +126,7 @@ class Scenario(Section):
             self.uplink,
             self.storage,
             self.vehicle,
+            self.current,
             self.duplex,
             self.hearing,
             self.reward,

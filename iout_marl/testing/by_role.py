@@ -253,11 +253,26 @@ def check_hearing(_: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
     check_storage(scenario.storage.part, scenario, seeds)
 
 
+def check_current(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
+    """Nobody is carried where none flows; AUVs move by what they do in still water, or drift."""
+    world, still = World(scenario, len(seeds)), not part.flows
+    assert (world.current is None) == still, "flows is not what the world makes of it"
+    state = first_state(world, seeds)
+    for slot, action in enumerate(actions_for(world, seeds[0]) if part.flows else ()):
+        before = state
+        state, _ = world.step(before, action)
+        reachable = world.manoeuvre.reachable(before)
+        found = (reachable == state.cell[..., None]).any(axis=-1)
+        assert found.all(), f"slot {slot} by seeds {seeds}: an AUV is where it could not come to"
+    check_vehicle(scenario.vehicle.part, scenario, seeds)
+
+
 CHECKS: Mapping[str, Callable[[Any, Scenario, Sequence[int]], None]] = {
     "absorption": check_absorption,
     "access": check_reasons,
     "beta rule": check_tables,
     "channel": check_channel,
+    "current": check_current,
     "duplex": check_duplex,
     "harvester": check_harvester,
     "hearing": check_hearing,

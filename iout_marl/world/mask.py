@@ -8,13 +8,15 @@ from iout_marl.core.state import State
 from iout_marl.parts import Context, Storage, Vehicle
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
+from iout_marl.world.manoeuvre import Manoeuvre
 from iout_marl.world.motion import Mover
 
 
 class ActionMask:
     """Marks sensible choices: staying inside, charging a node in reach, hearing one that may pay.
 
-    Of an AUV under way, whose direction is ignored, all directions but the first are masked out.
+    Of an AUV under way, whose direction is ignored, all directions but the first are masked out;
+    of others those that need more speed through the water than the vehicle has.
 
     Where an AUV names one node to charge and one to hear, as in FDD, the one charged is masked out
     where it would harvest nothing from any cell within one move. The one heard is masked out
@@ -33,6 +35,7 @@ class ActionMask:
         scenario: Scenario,
         context: Context,
         motion: Mover,
+        manoeuvre: Manoeuvre,
         storage: Storage,
         vehicle: Vehicle,
     ) -> None:
@@ -43,7 +46,7 @@ class ActionMask:
         self._vehicle = vehicle
         rests = ~motion.steps.any(axis=1)
         self._rests = backend.xp.asarray(rests, device=backend.device) if rests.any() else None
-        self._motion = motion
+        self._manoeuvre = manoeuvre
         self._xp = backend.xp
         self._num_nodes = scenario.num_nodes
         self._idle_choices = scenario.auvs.idle_choices
@@ -62,12 +65,12 @@ class ActionMask:
         Nobody, where it is a choice, is always a sensible one.
         """
         xp = self._xp
-        inside = self._motion.sensible(state)
+        inside = self._manoeuvre.sensible(state)
         shape = (*state.cell.shape, self._num_nodes)
         any_node = xp.broadcast_to(xp.ones_like(state.age, dtype=xp.bool)[:, None, :], shape)
         masks = [inside, any_node]
         if self._hears_another:
-            reachable = self._motion.reachable(state)
+            reachable = self._manoeuvre.reachable(state)
             offset = self._link.offset(reachable[..., None], state.node_cell[:, None, None, :])
             charged_j = self._link.at(self._link.harvested_w, offset) * self._link.slot_s
             if self._may_harvest_nothing:

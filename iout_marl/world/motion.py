@@ -12,6 +12,7 @@ from iout_marl.arrays.backend import Backend
 from iout_marl.core.grid import Grid
 from iout_marl.core.pace import Pace
 from iout_marl.core.state import State
+from iout_marl.parts.current import DRIFTS
 from iout_marl.physics.arrays import Array, lookup
 from iout_marl.scenario import Scenario
 
@@ -19,7 +20,8 @@ from iout_marl.scenario import Scenario
 class Moved(NamedTuple):
     """What has become of the AUVs' moves at the end of a slot.
 
-    The last two are fields of the state: without columns where no move takes longer than a slot.
+    Transit and course are fields of the state: without columns where no move takes longer than a
+    slot.
     """
 
     cell: Array  # (envs, auvs) int: codes of their cells
@@ -27,6 +29,8 @@ class Moved(NamedTuple):
     blocked: Array  # (envs, auvs) bool: kept from moving by another AUV
     transit_slots: Array  # (envs, auvs) int: slots until the move ends; 0 for nobody under way
     course: Array  # (envs, auvs) int: its direction
+    # (envs, auvs) bool: lying still or adrift, without propulsion; None where there is no current
+    idle: Array | None = None
 
 
 class Mover:
@@ -56,17 +60,25 @@ class Mover:
         self._num_auvs = scenario.num_auvs
         self._backend = backend
         self._xp = backend.xp
-        next_cell, inside = _neighbour_tables(grid, self.steps)
+        # Behind the directions come those in which a current carries AUVs away.
+        steps, (slots, cells) = self.steps, self.pace
+        if scenario.current.part.flows:
+            once = np.ones(len(DRIFTS), dtype=np.int64)
+            steps = np.concatenate([steps, DRIFTS])
+            slots, cells = np.concatenate([slots, once]), np.concatenate([cells, once])
+        next_cell, inside = _neighbour_tables(grid, steps)
         self._next = backend.integers(next_cell.reshape(-1))
         self._most_cells = int(self.pace.cells.max())
-        self._cells = backend.integers(self.pace.cells)
-        destination = _after_steps(next_cell, self.pace.cells)
+        self._cells = backend.integers(cells)
+        destination = _after_steps(next_cell, cells)
         self.neighbour = backend.integers(destination.reshape(-1))
         self._leads_outside = backend.xp.asarray(~inside.reshape(-1), device=backend.device)
         # Who stays is not under way.
         stays = destination == np.arange(grid.num_codes)[:, None]
-        self._slots = backend.integers(np.where(stays, 1, self.pace.slots).reshape(-1))
-        self._per_cell = backend.integers(self.num_directions)
+        self._slots = backend.integers(np.where(stays, 1, slots).reshape(-1))
+        self._num_rows = len(steps)
+        self._per_cell = backend.integers(self._num_rows)
+        self._first_drift = backend.integers(self.num_directions)
         self._one = backend.integers(1)
         self._never = backend.xp.asarray(False, device=backend.device)  # noqa: FBT003
         separation_cells = scenario.auvs.separation_cells
@@ -83,7 +95,13 @@ class Mover:
         )
         return {"transit_slots": nothing, "course": nothing}
 
-    def move(self, state: State, direction: Array, stays: Array | None = None) -> Moved:
+    def move(
+        self,
+        state: State,
+        direction: Array,
+        stays: Array | None = None,
+        drift: tuple[Array, Array] | None = None,
+    ) -> Moved:
         """One slot's moves (eq. `direction`), all at once; who would leave the grid stays.
 
         Of AUVs whose moves would end too near one another, or swap their cells, all that
@@ -97,6 +115,8 @@ class Mover:
             direction: (envs, auvs) indices of directions.
             stays: (envs, auvs) bool, who stays whatever its direction, and gives up a move that is
                 not over; None for nobody.
+            drift: (envs, auvs) bool, which of those drift instead, and indices into `DRIFTS` of
+                where to; None where there is no current.
         """
         xp, cell, transit_slots = self._xp, state.cell, state.transit_slots
         course = state.course
@@ -114,6 +134,11 @@ class Mover:
             transit_slots = needed - self._one
         if stays is not None:
             left_grid, target = left_grid & ~stays, xp.where(stays, cell, target)
+        if drift is not None:
+            drifts, where_to = drift
+            direction = xp.where(drifts, where_to + self._first_drift, direction)
+            carried = lookup(xp, self.neighbour, cell * self._per_cell + direction)
+            target = xp.where(drifts, carried, target)
         if cell.shape[1] == 1 or not self._keeps_apart:
             return Moved(target, left_grid, left_grid & self._never, transit_slots, course)
         if self._most_cells == 1:
@@ -159,12 +184,18 @@ class Mover:
         """Which directions keep an AUV in the grid: (envs, auvs, directions) bool."""
         return ~lookup(self._xp, self._leads_outside, self._every_direction(cell))
 
-    def sensible(self, state: State) -> Array:
+    def sensible(self, state: State, possible: Array | None = None) -> Array:
         """Which directions make sense: (envs, auvs, directions) bool.
 
         Those that keep an AUV in the grid; of one that is under way, which ignores them, the first.
+
+        Args:
+            state: the state.
+            possible: those that the current allows, alike; None for all.
         """
         inside = self.stays_inside(state.cell)
+        if possible is not None:
+            inside = inside & possible
         if not self.takes_slots:
             return inside
         directions = self._xp.arange(self.num_directions, device=state.cell.device)
@@ -220,7 +251,17 @@ class Mover:
     def _every_direction(self, cell: Array) -> Array:
         """Index into the tables of each direction from each cell."""
         directions = self._xp.arange(self.num_directions, device=cell.device)
-        return cell[..., None] * self.num_directions + directions
+        return cell[..., None] * self._num_rows + directions
+
+    def drifted(self, cell: Array, where_to: Array) -> Array:
+        """The cells to which the current carries AUVs: (envs, auvs) codes.
+
+        Args:
+            cell: where they are.
+            where_to: (envs, auvs) indices into `DRIFTS`.
+        """
+        index = cell * self._per_cell + where_to + self._first_drift
+        return lookup(self._xp, self.neighbour, index)
 
 
 def _neighbour_tables(

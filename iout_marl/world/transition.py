@@ -58,12 +58,11 @@ class Transition:
         xp, link, nodes = world.backend.xp, world.link, world.nodes
         charged, heard = action[..., 1], action[..., -1]
 
-        stays, stranded = None, world.vehicle.none_stranded
+        stranded = world.vehicle.none_stranded
         if world.vehicle.is_limited:
             stranded = world.vehicle.is_stranded(state.battery_j)
-            stays = world.vehicle.stays(state, world.motion.targets(state, action[..., 0]))
             charged, heard = (xp.where(stranded, self._nobody, each) for each in (charged, heard))
-        moved = world.motion.move(state, action[..., 0], stays)
+        moved = world.manoeuvre.move(state, action[..., 0], stranded)
         heading = cell = moved.cell
 
         (
@@ -81,13 +80,15 @@ class Transition:
             split = self.without_idle(split, charges)
         if world.vehicle.is_limited:
             heading = world.motion.heading(moved)
-            can_charge = world.vehicle.can_charge(state, heading, split.charging_s)
+            can_charge = world.vehicle.can_charge(state, heading, split.charging_s, moved.idle)
             charged = xp.where(can_charge, charged, self._nobody)
             if world.duplex.num_choices == 1:
                 # Charging and hearing are one act.
                 heard, hears = charged, hears & can_charge
             split = self.without_idle(split, can_charge)
-        vehicle, drawn_j = world.vehicle.after(state, cell, heading, stranded, split.charging_s)
+        vehicle, drawn_j = world.vehicle.after(
+            state, cell, heading, stranded, split.charging_s, moved.idle
+        )
         # Eq. `E harvested`; a node charged by two AUVs gets both.
         harvested_j = link.at(link.harvested_w, charged_offset) * split.charging_s
         come_j = nodes.scatter_add(state.energy_j, charged_index, harvested_j)

@@ -13,6 +13,7 @@ from iout_marl.arrays.backend import Backend
 from iout_marl.arrays.nodes import NodeAxis
 from iout_marl.core.chance import Chance, shape_of
 from iout_marl.core.credit import Credit
+from iout_marl.core.current import CurrentField
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import MOST_ENVS, check_scenario
 from iout_marl.core.link import Link
@@ -39,6 +40,7 @@ from iout_marl.scenario.parts import outside_parts
 from iout_marl.whole import MAX_SEED, whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
 from iout_marl.world.chance import ChanceStream, completed, draws_of
+from iout_marl.world.manoeuvre import Manoeuvre
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
@@ -74,6 +76,7 @@ class World:
     Attributes:
         measured: the metrics that `metrics` computes, and those that rewards are needed for.
         summed: those of them that each slot adds to, in the order of `State.sums`.
+        current: the current of the water; None where it is still.
         num_envs, num_auvs, num_nodes, num_slots: sizes of the batch, of the fleet, of the
             network, of an episode.
         may_be_idle: whether an AUV may charge and hear nobody, which is K: by choice
@@ -131,6 +134,8 @@ class World:
         self.view = View(scenario, self.link, self.nodes, backend)
         self.credit = Credit(scenario, self.nodes, backend)
         self.representation: Representation = scenario.observation.part
+        flows = scenario.current.part.flows
+        self.current = CurrentField(scenario, self.grid, backend) if flows else None
         context = Context(
             scenario,
             num_envs,
@@ -141,17 +146,21 @@ class World:
             self.credit,
             self.view,
             self.representation,
+            self.current,
         )
         with scenario.observation.entry.blamed():
             self.representation.setup(context)
         self.storage: Storage = at_work(scenario.storage, context)
         self.vehicle: Vehicle = at_work(scenario.vehicle, context)
+        self.manoeuvre = Manoeuvre(context, self.motion, self.vehicle)
         self.duplex: Duplex = at_work(scenario.duplex, context)
         self.access: Access = at_work(scenario.channel.access, context)
         self.hearing: Hearing = at_work(scenario.hearing, context)
         self.reward_part: Reward = at_work(scenario.reward, context)
         self.observer = Observer(scenario, context)
-        self.action_mask = ActionMask(scenario, context, self.motion, self.storage, self.vehicle)
+        self.action_mask = ActionMask(
+            scenario, context, self.motion, self.manoeuvre, self.storage, self.vehicle
+        )
         self.action_sizes = (
             self.motion.num_directions,
             *(self.num_nodes + scenario.auvs.idle_choices,) * self.duplex.num_choices,

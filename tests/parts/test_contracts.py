@@ -4,7 +4,7 @@ import pytest
 from batteries import BATTERY
 from loss_tables import by_cells, by_range_and_depth
 
-from iout_marl.parts import Part
+from iout_marl.parts import Part, currents
 from iout_marl.registry import registries
 from iout_marl.testing import check_part
 
@@ -37,6 +37,19 @@ SETTINGS = {
         {**HULL, "docks": [[1, 1, 1], [2, 2, 1]], "dock_power_w": 2000.0},
         {**HULL, "initial_share": 0.5, "hotel_w": 0.0},
     ],
+    ("current", "uniform"): [
+        {"speed_m_per_s": 1.5, "toward_deg": 30.0},
+        {"speed_m_per_s": 3.0, "toward_deg": 200.0},
+    ],
+    ("current", "shear"): [{"speed_m_per_s": 4.0, "toward_deg": 90.0, "depth_scale_m": 80.0}],
+    ("current", "tide"): [{"speed_m_per_s": 4.9, "toward_deg": 120.0, "period_h": 0.1}],
+    ("current", "vortex"): [
+        {"circulation_m2_per_s": 2000.0, "core_radius_m": 60.0, "center_m": [100.0, 100.0]}
+    ],
+    ("current", "double_gyre"): [
+        {"amplitude_m_per_s": 3.0, "period_h": 0.1},
+        {"amplitude_m_per_s": 3.0, "epsilon": 0.0},
+    ],
     ("storage", "capacitor"): [
         {"capacity_j": 900.0},
         {"capacity_j": 300.0, "initial_j": 200.0, "leakage_w": 0.5, "idle_w": 2.0},
@@ -64,6 +77,8 @@ SETTINGS = {
     ("uplink", "shannon"): [{"packet_bits": 30000, "bandwidth_hz": 3000}],
     ("uplink", "modem"): [MODEM, {**MODEM, "power_control": False}],
 }
+#: Of a battery that lasts for a while, and of a vehicle that some currents are too strong for.
+MOTOR = {**BATTERY, "max_speed_m_per_s": 4.5}
 #: What else a scenario needs for a kind to have something to do.
 OVERRIDES = {
     ("observation entry", "transit"): {"episode.slot_s": 10},
@@ -72,6 +87,11 @@ OVERRIDES = {
         "vehicle": BATTERY,
         "auvs.count": 3,
     },
+    ("observation entry", "current"): {
+        "vehicle": MOTOR,
+        "current": {"kind": "tide", "speed_m_per_s": 1.0, "toward_deg": 30.0},
+    },
+    **{("current", kind): {"vehicle": MOTOR} for kind in currents.kinds},
     ("observation entry", "unseen_for"): {"observation.view_range_m": 150},
     ("transmission", "formula"): SEA,
     ("transmission", "range_depth"): SEA,

@@ -4,26 +4,35 @@ Within a slot an AUV pays, in this order, for its hotel load, for its move and f
 cannot pay for in full it leaves. If it cannot pay for its hotel load, it is stranded: all that it
 has left goes there, and it does nothing else. A move over several slots is paid for slot by slot,
 and given up where one cannot be paid for. At the end of the slot an AUV is recharged that lies in a
-dock and is not under way. So it never has less than nothing, and what it draws and is given adds up
-to what it has.
+dock and is not under way. In a current holding a cell takes energy, too, but for an AUV that lies
+in a dock, where it is moored: see `parts.current`. So it never has less than nothing, and what it
+draws and is given adds up to what it has.
 """
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.core.current import CurrentField
 from iout_marl.core.pace import Pace
 from iout_marl.core.state import VEHICLE_FIELDS, State
 from iout_marl.parts.base import Context, Part
 from iout_marl.physics.arrays import Array, cast, lookup
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
-from iout_marl.scenario.fields import LARGEST, SMALLEST
+from iout_marl.scenario.fields import LARGEST, SMALLEST, Plausible, Positive, invalid
 from iout_marl.whole import is_number, short
 
+#: Speed through the water.
+MaxSpeed: TypeAlias = Annotated[Positive, Plausible(0.001, 30, "m/s")] | None
+#: Intervals in which powers by speed are tabulated, from rest to the fastest that there is; between
+#: them they are interpolated linearly, which is off by less than 1e-6 of the power of a cruise.
+SPEED_INTERVALS = 2**14
+#: What a speed may exceed the highest one by: a rounding.
+_SPEED_ROUNDING = 1 + 1e-6
 #: Cells, counted from 1.
 Cells: TypeAlias = tuple[tuple[int, int, int], ...]
 
@@ -38,6 +47,8 @@ class Vehicle(Part):
         hotel_w: power that it draws all the time, in W.
         docks: cells in which it is recharged, counted from 1.
         dock_power_w: power of that, in W.
+        max_speed_m_per_s: the highest speed through the water, in m/s; None for no limit. It only
+            matters in a current.
     """
 
     is_limited: bool = True
@@ -46,6 +57,16 @@ class Vehicle(Part):
     hotel_w: float = 0.0
     docks: Cells = ()
     dock_power_w: float = 0.0
+    max_speed_m_per_s: float | None = None
+
+    def check(self, scenario: Scenario) -> None:
+        limit, cruise = self.max_speed_m_per_s, scenario.auvs.speed_m_per_s
+        if limit is not None and limit < cruise:
+            raise invalid(
+                ("vehicle", "max_speed_m_per_s"),
+                f"must not be below the speed over ground, auvs.speed_m_per_s, {cruise:g} m/s",
+                beside=("auvs", "speed_m_per_s"),
+            )
 
     def check_stated(self, scenario: Scenario) -> None:
         if not isinstance(self.is_limited, bool):
@@ -55,6 +76,13 @@ class Vehicle(Part):
         if not is_number(self.initial_j, 0, self.capacity_j):
             raise self.fault(
                 f"initial_j must be from 0 to capacity_j in J, not {short(self.initial_j)}"
+            )
+        if not (
+            self.max_speed_m_per_s is None or is_number(self.max_speed_m_per_s, SMALLEST, LARGEST)
+        ):
+            raise self.fault(
+                "max_speed_m_per_s must be above 0 m/s or None, not "
+                f"{short(self.max_speed_m_per_s)}"
             )
         for name in ("hotel_w", "dock_power_w"):
             if not is_number(getattr(self, name), 0, LARGEST):
@@ -104,13 +132,18 @@ class Vehicle(Part):
         backend = world.backend
         #: Who is stranded where nobody can be.
         self.none_stranded = backend.zeros((world.num_envs, self._columns)) > 0
+        self._is_moored: Array | None = None
+        if world.current is not None:
+            self._set_up_current(world, world.current)
         if not self.is_limited:
             return
         # By offset, of one slot: the slots that a move takes are the time of it.
-        slots = Pace.from_scenario(scenario).by_offset(world.grid, scenario.auvs.motion.part.steps)
-        way_m = world.grid.offset_distances_m() / slots
+        slots = self._slots_by_offset(world)
+        whole_way_m = world.grid.offset_distances_m()
+        way_m = whole_way_m / slots
         power_w = np.asarray(self.propulsion_power_w(way_m / slot_s), dtype=np.float64)
         self._move_j, self._way_m = floats(power_w * slot_s), floats(way_m)
+        self._whole_way_m = floats(whole_way_m)
         self._slots = world.backend.integers(slots)
         self._hotel_j = floats(self.hotel_w * slot_s)
         self._zero = floats(0.0)
@@ -121,6 +154,69 @@ class Vehicle(Part):
             dock_j[world.grid.encode(np.array(self.docks) - 1)] = self.dock_power_w * slot_s
         self._dock_j = floats(dock_j)
 
+    @staticmethod
+    def _slots_by_offset(world: Context) -> npt.NDArray[np.int64]:
+        pace, steps = Pace.from_scenario(world.scenario), world.scenario.auvs.motion.part.steps
+        return pace.by_offset(world.grid, steps)
+
+    def _set_up_current(self, world: Context, current: CurrentField) -> None:
+        """Tables for what moves cost, and whether they are possible, in a current."""
+        floats, limit = world.backend.floats, self.max_speed_m_per_s
+        self._max_speed = None if limit is None else floats(limit * _SPEED_ROUNDING)
+        top = max(current.fastest_m_per_s, SMALLEST)
+        speeds = np.linspace(0.0, top, SPEED_INTERVALS + 2)
+        power_w = np.asarray(self.propulsion_power_w(speeds), dtype=np.float64)
+        self._top_speed = floats(top)
+        ground = world.grid.offset_distances_m() / self._slots_by_offset(world)
+        dearest = np.minimum(ground / world.link.slot_s + current.strongest_m_per_s, top)
+        power_at = np.asarray(self.propulsion_power_w(dearest), dtype=np.float64)
+        self._dearest_j = floats(power_at * world.link.slot_s)
+        self._intervals_per_speed = floats((SPEED_INTERVALS + 1) / top)
+        self._speed_j = floats(power_w * world.link.slot_s)
+        self._last_interval = world.backend.integers(SPEED_INTERVALS)
+        self._one = world.backend.integers(1)
+        if self.docks:
+            is_dock = np.zeros(world.grid.num_codes, dtype=np.bool_)
+            is_dock[world.grid.encode(np.array(self.docks) - 1)] = True
+            self._is_moored = self.xp.asarray(is_dock, device=world.backend.device)
+
+    def can_make_good(self, state: State, heading: Array) -> Array:
+        """Which AUVs can make good a slot of the moves to cells in the current.
+
+        Args:
+            state: the state before the slot.
+            heading: (envs, auvs) cells; the own one is to hold it.
+        """
+        speed = self._speed_through_water(state, heading)
+        can: Array = speed <= (self._top_speed if self._max_speed is None else self._max_speed)
+        if self.is_limited:
+            can = can & (state.battery_j - self._hotel_j >= self._energy_at(speed))
+        if self._is_moored is not None:
+            can = can | self._holds_in_dock(state, heading)
+        return can
+
+    def is_fast_enough(self, state: State, heading: Array) -> Array:
+        """Whether the speed suffices for moves to (envs, auvs, choices) cells in the current."""
+        speed = self._speed_through_water(state, heading)
+        return speed <= (self._top_speed if self._max_speed is None else self._max_speed)
+
+    def _speed_through_water(self, state: State, heading: Array) -> Array:
+        assert self.world.current is not None
+        return self.world.current.speed_through_water(state, heading)
+
+    def _holds_in_dock(self, state: State, heading: Array) -> Array:
+        is_dock = lookup(self.xp, self._is_moored, state.cell)
+        return is_dock & (heading == state.cell)
+
+    def _energy_at(self, speed: Array) -> Array:
+        """What a slot at speeds through the water takes, in J."""
+        xp = self.xp
+        place = xp.minimum(speed, self._top_speed) * self._intervals_per_speed
+        interval = xp.minimum(cast(xp, place, xp.int64), self._last_interval)
+        below_j = lookup(xp, self._speed_j, interval)
+        above_j = lookup(xp, self._speed_j, interval + self._one)
+        return below_j + (place - cast(xp, interval, place.dtype)) * (above_j - below_j)
+
     def is_stranded(self, battery_j: Array) -> Array:
         """Whether AUVs that begin a slot with this can do nothing in it, (envs, auvs) bool."""
         return (battery_j < self._hotel_j) | (battery_j <= self._zero)
@@ -129,17 +225,40 @@ class Vehicle(Part):
         """Which AUVs cannot pay for a slot of the move to their (envs, auvs) targets."""
         battery_j = state.battery_j
         return self.is_stranded(battery_j) | (
-            battery_j - self._hotel_j < self.propulsion_j(state.cell, target)
+            battery_j - self._hotel_j < self.propulsion_j(state, target)
         )
 
-    def can_charge(self, state: State, heading: Array, charging_s: Array) -> Array:
+    def can_charge(
+        self, state: State, heading: Array, charging_s: Array, idle: Array | None = None
+    ) -> Array:
         """Which AUVs can pay for charging for so long, beside moving to (envs, auvs) cells."""
-        left_j = state.battery_j - self._hotel_j - self.propulsion_j(state.cell, heading)
+        left_j = state.battery_j - self._hotel_j - self.propulsion_j(state, heading, idle)
         return left_j >= charging_s * self._charging_w
 
-    def propulsion_j(self, cell: Array, heading: Array) -> Array:
-        """What a slot of the moves from cells to cells takes, (envs, auvs) in J."""
-        return lookup(self.xp, self._move_j, self.world.link.grid_offset(heading, cell))
+    def propulsion_j(self, state: State, heading: Array, idle: Array | None = None) -> Array:
+        """What a slot of the moves to cells takes, (envs, auvs) in J.
+
+        In a current no more than the battery has beside the hotel load: an AUV that another one
+        stops holds its cell as long as it can.
+
+        Args:
+            state: the state before it.
+            heading: (envs, auvs) cells.
+            idle: (envs, auvs) bool, whose propulsion rests: they lie still or drift; None where
+                there is no current.
+        """
+        xp = self.xp
+        if self.world.current is None:
+            return lookup(xp, self._move_j, self.world.link.grid_offset(heading, state.cell))
+        energy_j = self._energy_at(self._speed_through_water(state, heading))
+        energy_j = xp.minimum(energy_j, state.battery_j - self._hotel_j)
+        if self._is_moored is not None:
+            energy_j = xp.where(self._holds_in_dock(state, heading), self._zero, energy_j)
+        return energy_j if idle is None else xp.where(idle, self._zero, energy_j)
+
+    def dearest_j(self, cell: Array, heading: Array) -> Array:
+        """What a slot of the moves from cells to cells takes at most in the current, alike."""
+        return lookup(self.xp, self._dearest_j, self.world.link.grid_offset(heading, cell))
 
     def slots(self, cell: Array, heading: Array) -> Array:
         """How many slots the moves from cells to cells take, (envs, auvs)."""
@@ -152,7 +271,13 @@ class Vehicle(Part):
         return fields | {"battery_j": nothing + (self.initial_j if self.is_limited else 0.0)}
 
     def after(
-        self, state: State, cell: Array, heading: Array, stranded: Array, charging_s: Array
+        self,
+        state: State,
+        cell: Array,
+        heading: Array,
+        stranded: Array,
+        charging_s: Array,
+        idle: Array | None = None,
     ) -> tuple[dict[str, Array], Array]:
         """Fields of the state after a slot, and what was drawn in it, (envs, auvs) in J.
 
@@ -162,12 +287,19 @@ class Vehicle(Part):
             heading: the cells that AUVs go to whose moves are not over, those of the others.
             stranded: (envs, auvs) bool, `is_stranded` of that state.
             charging_s: (envs, auvs) how long they have charged.
+            idle: whose propulsion rests, see `propulsion_j`.
         """
         if not self.is_limited:
             return self._as_before(state), state.battery_j
         xp, offset = self.xp, self.world.link.grid_offset(heading, state.cell)
         hotel_j = xp.where(stranded, state.battery_j, self._hotel_j)
-        propulsion_j = lookup(xp, self._move_j, offset)
+        way_m = lookup(xp, self._way_m, offset)
+        if idle is None:
+            propulsion_j = lookup(xp, self._move_j, offset)
+        else:
+            propulsion_j = self.propulsion_j(state, heading, idle)
+            # Who drifts does so within the slot, however long a move to there would take.
+            way_m = xp.where(idle, lookup(xp, self._whole_way_m, offset), way_m)
         charging_j = charging_s * self._charging_w
         # In the order in which `stays` and `can_charge` subtract, so that nothing is overdrawn.
         left_j = state.battery_j - hotel_j - propulsion_j - charging_j
@@ -182,7 +314,7 @@ class Vehicle(Part):
             "hotel_j": state.hotel_j + hotel_j,
             "charging_j": state.charging_j + charging_j,
             "docked_j": state.docked_j + docked_j,
-            "distance_m": state.distance_m + lookup(xp, self._way_m, offset),
+            "distance_m": state.distance_m + way_m,
             "stranded_slots": state.stranded_slots + cast(xp, stranded, left_j.dtype),
         }
         return fields, hotel_j + propulsion_j + charging_j

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from iout_marl import physics
 from iout_marl.core.grid import Grid
 from iout_marl.core.pace import Pace
-from iout_marl.parts.vehicle.base import Cells, Vehicle, vehicles
+from iout_marl.parts.vehicle.base import Cells, MaxSpeed, Vehicle, vehicles
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import (
     Cell,
@@ -55,6 +55,11 @@ class Battery(Vehicle):
         docks: Annotated[tuple[Cell, ...], Field(max_length=MAX_DOCKS, strict=False)] = ()
         #: Power with which a dock recharges each AUV in it, above the hotel load.
         dock_power_w: Annotated[NonNegative, Plausible(0, 1e7, "W")] = 0.0
+        #: Highest speed through the water; null for no limit. In a current, moves that need more
+        #: are impossible.
+        max_speed_m_per_s: MaxSpeed = None
+
+        hash_defaults: ClassVar[dict[str, Any]] = {"max_speed_m_per_s": None}
 
         @model_validator(mode="after")
         def _docks_recharge(self) -> Self:
@@ -88,7 +93,12 @@ class Battery(Vehicle):
     def dock_power_w(self) -> float:  # type: ignore[override]
         return self.settings.dock_power_w
 
+    @property
+    def max_speed_m_per_s(self) -> float | None:  # type: ignore[override]
+        return self.settings.max_speed_m_per_s
+
     def check(self, scenario: Scenario) -> None:
+        super().check(scenario)
         for i, cell in enumerate(self.docks):
             scenario.check_cell(("vehicle", "docks", i), cell)
         self._check_depths(scenario)

@@ -1,0 +1,135 @@
+"""The current of the water in every cell and slot, and speeds of AUVs through it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from iout_marl.arrays.backend import Backend
+from iout_marl.core.grid import Floats, Grid
+from iout_marl.core.pace import Pace
+from iout_marl.core.state import State
+from iout_marl.physics.arrays import Array, lookup
+from iout_marl.scenario import Scenario
+
+#: Velocities of all frames and codes of cells that a world's tables may have, slots of a current
+#: that changes.
+MAX_VELOCITIES, MAX_SLOTS = 10**7, 10**7
+
+
+class Frames(NamedTuple):
+    """A current as a few fields, between two of which that of any slot lies.
+
+    Attributes:
+        velocity_m_per_s: (frames, cells, 2) along x and y, of the cells of
+            `Grid.all_coordinates`.
+        frame: (slots,) int: the earlier of a slot's two frames, the other is the next one.
+        weight: (slots,) the share of the later one, from 0 to 1. Of a steady current, which has one
+            frame, both are empty.
+    """
+
+    velocity_m_per_s: Floats
+    frame: npt.NDArray[np.int64]
+    weight: Floats
+
+    @classmethod
+    def from_steady(cls, velocity_m_per_s: Floats) -> Frames:
+        """A (cells, 2) field that never changes."""
+        return cls(velocity_m_per_s[None], np.zeros(0, dtype=np.int64), np.zeros(0))
+
+    @property
+    def is_steady(self) -> bool:
+        return len(self.velocity_m_per_s) == 1
+
+    def slots(self) -> range:
+        """The slots whose fields differ: the first stands for all of a steady current."""
+        return range(1 if self.is_steady else len(self.frame))
+
+    def field(self, slot: int) -> Floats:
+        """(cells, 2) velocities of a slot in m/s."""
+        if self.is_steady:
+            return self.velocity_m_per_s[0]
+        first, second = self.velocity_m_per_s[self.frame[slot] : self.frame[slot] + 2]
+        velocity: Floats = first + self.weight[slot] * (second - first)
+        return velocity
+
+    def strongest_m_per_s(self) -> float:
+        """A speed that the current exceeds in no cell and no slot."""
+        return float(np.linalg.norm(self.velocity_m_per_s, axis=-1).max())
+
+
+class CurrentField:
+    """The current in a world: what AUVs move in.
+
+    The current of a slot is that in its middle, in the cell where the AUV is when the slot begins;
+    the AUV's velocity over ground is the way of the slot over its length.
+
+    Args:
+        scenario: the scenario, whose current flows.
+        grid: its grid.
+        backend: arrays to work with.
+
+    Attributes:
+        strongest_m_per_s: a speed that the current never exceeds.
+        fastest_m_per_s: a speed through the water that no move exceeds.
+    """
+
+    def __init__(self, scenario: Scenario, grid: Grid, backend: Backend) -> None:
+        frames: Frames = scenario.current.part.frames(scenario)
+        self._xp = backend.xp
+        self._origin = backend.integers(grid.offset_origin)
+        self._num_codes = backend.integers(grid.num_codes)
+        codes = grid.encode(grid.all_coordinates())
+        table = np.zeros((len(frames.velocity_m_per_s), grid.num_codes, 2))
+        table[:, codes] = frames.velocity_m_per_s
+        self._velocity = [backend.floats(table[..., axis].reshape(-1)) for axis in (0, 1)]
+        self._is_steady = frames.is_steady
+        if not self._is_steady:
+            # What is seen after the last slot is seen of it.
+            last = np.minimum(np.arange(scenario.num_slots + 1), scenario.num_slots - 1)
+            self._row = backend.integers(frames.frame[last] * grid.num_codes)
+            self._weight = backend.floats(frames.weight[last])
+        steps = np.array(scenario.auvs.motion.part.steps)
+        pace = Pace.from_scenario(scenario)
+        self.strongest_m_per_s = frames.strongest_m_per_s()
+        fastest = float(grid.metres(steps * pace.cells[:, None]).max()) / scenario.slot_s
+        self.fastest_m_per_s = fastest + self.strongest_m_per_s
+        slots_s = (pace.by_offset(grid, steps) * scenario.slot_s)[:, None]
+        over_ground = grid.offset_steps() * np.array(grid.edges_m) / slots_s
+        self._over_ground = [backend.floats(over_ground[:, axis]) for axis in (0, 1)]
+        self._vertical_squared = backend.floats(over_ground[:, 2] ** 2)
+
+    def at(self, slot: Array, cell: Array) -> tuple[Array, Array]:
+        """The current along x and y in m/s, (envs, auvs) each, of (envs,) slots and codes of cells.
+
+        After the last slot it is that of the last.
+        """
+        xp = self._xp
+        if self._is_steady:
+            x, y = (lookup(xp, table, cell) for table in self._velocity)
+            return x, y
+        first = lookup(xp, self._row, slot)[:, None] + cell
+        second, weight = first + self._num_codes, lookup(xp, self._weight, slot)[:, None]
+        x, y = (
+            (before := lookup(xp, table, first)) + weight * (lookup(xp, table, second) - before)
+            for table in self._velocity
+        )
+        return x, y
+
+    def speed_through_water(self, state: State, heading: Array) -> Array:
+        """Speed in m/s, in the shape of `heading`, with which AUVs make good a slot of their moves.
+
+        Args:
+            state: the state before the slot.
+            heading: the cells that they move to, (envs, auvs), or (envs, auvs, choices); the own
+                cell is to hold it.
+        """
+        xp, (x, y), cell = self._xp, self.at(state.slot, state.cell), state.cell
+        if heading.ndim > cell.ndim:
+            x, y, cell = x[..., None], y[..., None], cell[..., None]
+        offset = heading - cell + self._origin
+        x = lookup(xp, self._over_ground[0], offset) - x
+        y = lookup(xp, self._over_ground[1], offset) - y
+        return xp.sqrt(x * x + y * y + lookup(xp, self._vertical_squared, offset))
