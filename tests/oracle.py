@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from oracle_currents import Water
 from oracle_losses import Losses
 from oracle_polling import Polls
 from oracle_stores import Stores
@@ -319,7 +320,7 @@ class Oracle:
         self.peak_age = self.capped_ages = 0
         self.events: list[Slot] = []
         self.nobody = scenario.num_nodes
-        self.vehicles = Vehicles(self)
+        self.vehicles, self.water = Vehicles(self), Water(self)
         self.asked = 0  # uplinks asked for
         self.silenced = 0  # uplinks that fell silent so that others could be heard
         self.notebooks = [Notebook(self, auv) for auv in self.auvs]
@@ -360,6 +361,7 @@ class Oracle:
         """One slot: move, charge, uplink, age. `action` has (direction, nodes…) per AUV."""
         self.events = [Slot(charged=a[1], heard=a[-1]) for a in action]
         self.vehicles.begin()
+        self.water.begin()
         self.move([direction for direction, *_ in action])
         self.vehicles.pay_for_moves()
         if self.scenario.duplex.kind == "tdd":
@@ -398,7 +400,7 @@ class Oracle:
                 self.events[auv].left_grid = False
                 self.events[auv].gave_up = self.transit[auv] is not None
                 self.transit[auv] = None
-                walks.append([])
+                walks.append(self.water.adrift(auv, self.auv_cells[auv]))
                 continue
             is_over = slots_left == 1 or target == self.auv_cells[auv]
             self.transit[auv] = None if is_over else (direction, slots_left - 1)

@@ -77,6 +77,9 @@ class Notebook:
                 distances_m = [oracle.distance_m(self.auv, node) for node in oracle.nodes]
                 slot_s = oracle.scenario.slot_s
                 seen += [self._energy(oracle.sound.harvested_j(m, slot_s)) for m in distances_m]
+            elif entry.kind == "current":
+                unit = oracle.scenario.vehicle.max_speed_m_per_s
+                seen += [each / unit for each in oracle.water.velocity(own)]
             else:
                 seen += self._batteries(of_others=entry.kind == "batteries")
         return seen

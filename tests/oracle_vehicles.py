@@ -58,15 +58,31 @@ class Vehicles:
 
     def move_j(self, way_m: float) -> float:
         """Quadratic drag at the speed with which a way takes the whole slot, in sea water."""
-        slot_s, hull = self.oracle.scenario.slot_s, self.settings
-        drag_n = 1025 / 2 * hull.drag_coefficient * hull.drag_area_m2 * (way_m / slot_s) ** 2
+        return self.speed_j(way_m / self.oracle.scenario.slot_s)
+
+    def speed_j(self, speed: float) -> float:
+        """The same at a speed through the water."""
+        way_m, hull = speed * self.oracle.scenario.slot_s, self.settings
+        drag_n = 1025 / 2 * hull.drag_coefficient * hull.drag_area_m2 * speed**2
         return drag_n * way_m / hull.propulsion_efficiency
+
+    def made_good_j(self, auv: int, target: Cell, way_m: float) -> float:
+        """What the propulsion takes for a slot's way, in a current no more than there is."""
+        water, here = self.oracle.water, self.before[auv]
+        if not water.flows:
+            return self.move_j(way_m)
+        if auv in self.stranded | water.drifting or (here == target and water.moored(here)):
+            return 0.0
+        slots = 1 if here == target else self.oracle.slots_and_cells(self.directions[auv])[0]
+        return min(self.speed_j(water.speed(here, target, slots)), self.battery_j[auv])
 
     def way_m(self, auv: int, target: Cell) -> float:
         """The way of this slot, of a move to a cell that may take several."""
         here = self.before[auv]
         if here == target:
             return 0.0
+        if auv in self.oracle.water.drifting:
+            return self.oracle.between_m(here, target)
         slots, _ = self.oracle.slots_and_cells(self.directions[auv])
         return self.oracle.between_m(here, target) / slots
 
@@ -80,10 +96,16 @@ class Vehicles:
     def can_move(self, auv: int, direction: int) -> bool:
         """Whether an AUV moves, or goes on with its move, or tries to leave the grid."""
         self.directions[auv] = direction
-        if not self.is_limited:
-            return True
         if auv in self.stranded:
             return False
+        if self.oracle.water.flows:
+            slots, target = (
+                self.oracle.slots_and_cells(direction)[0],
+                self.destination(auv, direction),
+            )
+            return self.oracle.water.can(auv, self.before[auv], target, slots)
+        if not self.is_limited:
+            return True
         if self.battery_j[auv] < self.move_j(self.way_m(auv, self.destination(auv, direction))):
             self.halted.add(auv)
             return False
@@ -94,9 +116,10 @@ class Vehicles:
             return
         for auv, cell in enumerate(self.oracle.auv_cells):
             under_way = self.oracle.transit[auv]
-            way_m = self.way_m(auv, self.destination(auv, under_way[0]) if under_way else cell)
+            target = self.destination(auv, under_way[0]) if under_way else cell
+            way_m = self.way_m(auv, target)
             self.distance_m[auv] += way_m
-            self.draw(auv, self.move_j(way_m), self.propulsion_j)
+            self.draw(auv, self.made_good_j(auv, target, way_m), self.propulsion_j)
 
     def pay_for_charging(self) -> None:
         """An AUV that has too little charges nobody, and in TDD hears nobody then."""

@@ -49,6 +49,7 @@ class Case:
     happens: set[str]
     overrides: dict[str, Any] = field(default_factory=dict)
     episodes: int = 1
+    tolerance: float = 1e-9
 
 
 @dataclass
@@ -108,6 +109,8 @@ def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> C
     vehicles = oracle.vehicles
     for what in ("stranded", "halted", "refused", "docked"):
         seen[f"vehicle {what}"] += len(getattr(vehicles, what))
+    for what in ("holding", "drifting", "aground"):
+        seen[f"water: {what}"] += len(getattr(oracle.water, what))
     seen["collision"] += sum(e.spent_j > 0 and not e.delivered for e in oracle.events) > 1
     if oracle.scenario.hearing.kind == "polling":
         seen += kind_of_polling(oracle)

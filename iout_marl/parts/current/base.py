@@ -178,8 +178,7 @@ def toward(speed_m_per_s: Any, toward_deg: float) -> Floats:
 def positions_m(scenario: Scenario) -> Floats:
     """(cells, 3) metres from the centre of cell (1, 1, 1) along x, y and z, of every cell."""
     grid = Grid.from_scenario(scenario)
-    metres: Floats = grid.all_coordinates() * np.array(grid.edges_m, dtype=np.float64)
-    return metres
+    return grid.all_coordinates().astype(np.float64) * np.array(grid.edges_m)
 
 
 def middles_s(scenario: Scenario) -> Floats:
