@@ -6,6 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from oracle import Cell, Oracle
 
 #: What a speed may exceed the highest one by.
@@ -19,6 +21,7 @@ class Water:
         self.oracle, self.scenario = oracle, oracle.scenario
         self.settings = oracle.scenario.current
         self.flows = self.settings.kind != "none"
+        self.table: dict[tuple[float, ...], tuple[float, float]] | None = None
         spacing = self.scenario.grid.spacing_m
         self.edges_m = tuple(spacing) if isinstance(spacing, tuple) else (spacing,) * 3
         # Of the slot: AUVs that hold their cells against their will, that drift, and that lie at
@@ -46,6 +49,8 @@ class Water:
             return -speed * math.sin(angle), speed * math.cos(angle)
         if kind == "double_gyre":
             return self.gyre(x, y, hours)
+        if kind == "file":
+            return self.from_file(x, y, z, hours + own.start_h)
         speed = own.speed_m_per_s
         if kind == "shear":
             top_m = self.scenario.grid.origin.depth_m if self.scenario.grid.origin else 0.0
@@ -71,6 +76,34 @@ class Water:
         h = 1e-5 * min(length_m, width_m)
         along_x = -(psi(x_m, y_m + h) - psi(x_m, y_m - h)) / (2 * h)
         return along_x, (psi(x_m + h, y_m) - psi(x_m - h, y_m)) / (2 * h)
+
+    def from_file(self, x: float, y: float, z: float, hours: float) -> tuple[float, float]:
+        """Of a CSV file over time_s, depth_m, x_m and y_m, turned from east to the grid's x."""
+        origin = self.scenario.grid.origin
+        if self.table is None:
+            _, *lines = self.settings.file.contents.decode().split("\n")
+            self.table = {}
+            for line in lines:
+                *point, u, v = map(float, line.split(","))
+                self.table[tuple(point)] = u, v
+        east, north = self.between((3600 * hours, z + origin.depth_m, x, y))
+        bearing = math.radians(origin.bearing_deg)
+        # The grid's y points to the bearing, its x a quarter of a turn to the right of that.
+        along_x = math.sin(bearing + math.pi / 2), math.cos(bearing + math.pi / 2)
+        along_y = math.sin(bearing), math.cos(bearing)
+        return tuple(east * to_east + north * to_north for to_east, to_north in (along_x, along_y))
+
+    def between(self, point: tuple[float, ...], known: tuple[float, ...] = ()) -> Sequence[float]:
+        """Between the points of the table, one axis after the other."""
+        axis = len(known)
+        if axis == len(point):
+            return self.table[known]
+        values = sorted({place[axis] for place in self.table})
+        above = next(value for value in values if value >= point[axis])
+        below = max(value for value in values if value <= point[axis])
+        first, second = (self.between(point, (*known, value)) for value in (below, above))
+        share = (point[axis] - below) / (above - below) if above > below else 0.0
+        return [one + share * (other - one) for one, other in zip(first, second, strict=True)]
 
     def speed(self, here: Cell, target: Cell, slots: int) -> float:
         """Through the water, to make good a part of the way between two cells in a slot."""

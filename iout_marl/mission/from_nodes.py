@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.core.geography import Floats, Place
 from iout_marl.errors import InputError, printable
-from iout_marl.mission.geography import Floats, Place
 from iout_marl.mission.node_files import NodeFile
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.scenario.layers import Layer, overrides_layer

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from iout_marl.core.geography import Floats, Place, distances_m
 from iout_marl.errors import InputError
-from iout_marl.mission.geography import Floats, Place, distances_m
 from iout_marl.mission.route import Route
 
 #: The most by which an arrival, computed from what is written, may miss its time.

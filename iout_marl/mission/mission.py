@@ -9,8 +9,8 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.core.geography import Place
 from iout_marl.errors import InputError
-from iout_marl.mission.geography import Place
 from iout_marl.mission.legs import SECOND_DIGITS
 from iout_marl.mission.route import Route
 from iout_marl.policies import AnyPolicy, policy_for

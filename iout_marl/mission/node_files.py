@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from iout_marl.core.geography import Floats
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.files import parse_json, read_if_there
-from iout_marl.mission.geography import Floats
 from iout_marl.scenario.fields import MAX_NODES
 from iout_marl.scenario.places import show_file
 from iout_marl.whole import is_number, short

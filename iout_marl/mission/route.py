@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.mission.geography import Place
+from iout_marl.core.geography import Place
 
 _STEP_DIGITS = 9
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from iout_marl.core.geography import Floats, Place
 from iout_marl.files import to_json
-from iout_marl.mission.geography import Floats, Place
 from iout_marl.mission.legs import DEGREE_DIGITS, METRE_DIGITS, SECOND_DIGITS
 from iout_marl.mission.mission import Mission
 

@@ -71,11 +71,13 @@ class Part:
         xp: namespace of the array library, once it is set up.
         nodes_are_alike, auvs_are_alike: whether what it makes of nodes, and of AUVs, does not
             depend on how they are numbered: where they are permuted, so are its results.
+        reads_origin: whether results depend on `grid.origin` by it: which is in the hash then.
         is_of_world: whether it works in a world; if not, in a training.
     """
 
     nodes_are_alike: ClassVar[bool] = True
     auvs_are_alike: ClassVar[bool] = True
+    reads_origin: bool = False
     is_of_world: ClassVar[bool] = True
 
     if TYPE_CHECKING:

@@ -83,6 +83,37 @@ def read_csv(file: DataFile, allow_nan: bool = False) -> Arrays:  # noqa: FBT001
     return _frozen(dict(zip(names, table.T.copy(), strict=True)))
 
 
+def listed_on_axes(
+    file: DataFile, names: tuple[str, ...], columns: Arrays
+) -> tuple[tuple[Floats, ...], npt.NDArray[np.int64]]:
+    """The axes of a list that has one line for every combination, in any order.
+
+    Args:
+        file: where it is.
+        names: of the columns that are axes.
+        columns: all of them.
+
+    Returns:
+        the values along each axis, the lowest first; and the line of each combination, with an axis
+        for each of them.
+
+    Raises:
+        InputError: a combination is missing, or comes twice.
+    """
+    found = [np.unique(columns[name], return_inverse=True) for name in names]
+    axes = tuple(values for values, _ in found)
+    shape = tuple(map(len, axes))
+    places = np.ravel_multi_index([place for _, place in found], shape)
+    lines, combinations = len(places), math.prod(shape)
+    different = len(np.unique(places))
+    if lines != combinations or different != lines:
+        raise file.fault(
+            f"must have one line for each of {' × '.join(map(str, shape))} = {combinations:,} "
+            f"combinations of {', '.join(names)}; it has {lines:,}, {different:,} of them different"
+        )
+    return axes, places.argsort().reshape(shape)
+
+
 def _names(file: DataFile, row: list[str]) -> list[str]:
     names = [cell.strip() for cell in row]
     if len(names) > MAX_ARRAYS:

@@ -346,7 +346,10 @@ class Scenario(Section):
         text = self.model_dump_json(exclude=set(without), context={PATH_OF: None})
         # Adding 0 makes −0.0, which equals 0.0, the same in writing too.
         data = json.loads(text, parse_float=lambda number: float(number) + 0.0)
-        text = json.dumps(_hashed(self, data), sort_keys=True, separators=(",", ":"))
+        origin, hashed = data["grid"]["origin"], _hashed(self, data)
+        if origin and any(settings.part.reads_origin for _, settings in parts_in(self)):
+            hashed["grid"]["origin"] = origin
+        text = json.dumps(hashed, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 

@@ -54,8 +54,8 @@ class Grid(Section):
     #: Distance between an AUV and a node in the same cell, and between AUVs in it: `zero`, or the
     #: `mean` distance between two points drawn uniformly in the cell (0.6617 edges of a cube).
     own_cell_distance: Literal["zero", "mean"] = "zero"
-    #: Where the grid lies on Earth, which mission files need; null for nowhere. Not part of the
-    #: hash: no result depends on it.
+    #: Where the grid lies on Earth, which mission files need; null for nowhere. Part of the hash
+    #: only where results depend on it, as by currents from files and losses by depth.
     origin: Origin | None = None
 
     hash_defaults: ClassVar[dict[str, Any]] = {"own_cell_distance": "zero"}

@@ -2,6 +2,7 @@
 
 import pytest
 from batteries import BATTERY
+from current_files import ORIGIN, WIDE
 from loss_tables import by_cells, by_range_and_depth
 
 from iout_marl.parts import Part, currents
@@ -43,6 +44,7 @@ SETTINGS = {
     ],
     ("current", "shear"): [{"speed_m_per_s": 4.0, "toward_deg": 90.0, "depth_scale_m": 80.0}],
     ("current", "tide"): [{"speed_m_per_s": 4.9, "toward_deg": 120.0, "period_h": 0.1}],
+    ("current", "file"): [{"file": WIDE, "start_h": 0.5}, {"file": WIDE, "repeats": True}],
     ("current", "vortex"): [
         {"circulation_m2_per_s": 2000.0, "core_radius_m": 60.0, "center_m": [100.0, 100.0]}
     ],
@@ -91,7 +93,7 @@ OVERRIDES = {
         "vehicle": MOTOR,
         "current": {"kind": "tide", "speed_m_per_s": 1.0, "toward_deg": 30.0},
     },
-    **{("current", kind): {"vehicle": MOTOR} for kind in currents.kinds},
+    **{("current", kind): {"vehicle": MOTOR, "grid.origin": ORIGIN} for kind in currents.kinds},
     ("observation entry", "unseen_for"): {"observation.view_range_m": 150},
     ("transmission", "formula"): SEA,
     ("transmission", "range_depth"): SEA,

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from batteries import BATTERY
+from current_files import ORIGIN, WIDE
 from loss_tables import as_npz
 
 from iout_marl import InputError, Scenario, bundled_names, load_scenario
@@ -54,6 +55,29 @@ WHOLE = [
             },
             "hearing": {"kind": "polling", "max_nodes_per_slot": 3},
         },
+    ),
+    *(
+        load_scenario(
+            "paper/k3-fdd",
+            {
+                "auvs.speed_m_per_s": 4.0,
+                "vehicle": {"kind": "unlimited", "max_speed_m_per_s": 6.0},
+                "grid.origin": ORIGIN,
+                "current": current,
+            },
+        )
+        for current in (
+            {"kind": "shear", "speed_m_per_s": 0.5, "toward_deg": 90.0, "depth_scale_m": 60.0},
+            {"kind": "tide", "speed_m_per_s": 0.5, "toward_deg": 90.0},
+            {
+                "kind": "vortex",
+                "circulation_m2_per_s": 100.0,
+                "core_radius_m": 50.0,
+                "center_m": [150.0, 250.0],
+            },
+            {"kind": "double_gyre", "amplitude_m_per_s": 0.5},
+            {"kind": "file", "file": WIDE},
+        )
     ),
 ]
 
@@ -211,6 +235,9 @@ def test_every_number_of_a_scenario_has_a_range_or_hard_limits_alone():
         "channel.spreading_factor",
         "channel.uplink_efficiency",
         "charging.efficiency",
+        "current.epsilon",
+        "current.phase_deg",
+        "current.toward_deg",
         "duplex.beta_max",
         "grid.origin.bearing_deg",
         "grid.origin.latitude_deg",

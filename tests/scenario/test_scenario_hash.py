@@ -8,11 +8,19 @@ from pathlib import Path
 
 import pytest
 from batteries import BATTERY, DOCKS
+from current_files import ORIGIN, WIDE, csv_file, uneven
 
 from iout_marl import InputError, bundled_names, load_scenario
 from iout_marl.scenario import to_yaml
 
 SCENARIOS = {
+    "tide": load_scenario(
+        "paper/k3-fdd",
+        {
+            "vehicle.max_speed_m_per_s": 9.0,
+            "current": {"kind": "tide", "speed_m_per_s": 0.3, "toward_deg": 40.0},
+        },
+    ),
     "fdd": load_scenario("paper/k3-fdd"),
     "tdd": load_scenario("best/k3-tdd"),
     "sonar": load_scenario(
@@ -62,6 +70,9 @@ LEFT_OUT = {
     "uplink.kind",
     "storage.kind",
     "vehicle.kind",
+    "current",
+    "current.file",
+    "current.kind",
     "hearing",
     "channel.transmission",
 }
@@ -97,7 +108,7 @@ def other_values(value):
         return [("time",)]
     if isinstance(value, tuple):
         return [(item, *value[1:]) for item in other_values(value[0])]
-    return [1, 0.5, [1.0, 1.0, 2.0], [1.0, 1.0, 1.0, 2.0]]
+    return [1, 0.5, 25.0, [1.0, 1.0, 2.0], [1.0, 1.0, 1.0, 2.0]]
 
 
 LEAVES = [
@@ -132,6 +143,40 @@ def test_changes_with_the_kind_of_hearing():
     assert len({each.world_hash for each in (one, two, three)}) == 3
     assert load_scenario("paper/k3-fdd", {"hearing": "one"}).hash == SCENARIOS["fdd"].hash
     assert "hearing: one" in to_yaml(one)
+
+
+@pytest.mark.parametrize(
+    ("current", "is_part_of_it"),
+    [
+        ({"kind": "file", "file": WIDE}, True),
+        ({"kind": "shear", "speed_m_per_s": 0.5, "toward_deg": 90.0, "depth_scale_m": 60.0}, True),
+        ({"kind": "uniform", "speed_m_per_s": 0.5, "toward_deg": 90.0}, False),
+        ("none", False),
+    ],
+)
+def test_changes_with_the_place_on_earth_where_results_depend_on_it(current, is_part_of_it):
+    world = {"vehicle.max_speed_m_per_s": 9.0, "current": current, "grid.origin": ORIGIN}
+    here, there = (
+        load_scenario("paper/k3-fdd", {**world, "grid.origin.depth_m": depth_m})
+        for depth_m in (4.0, 5.0)
+    )
+    assert (here.hash != there.hash) == (here.world_hash != there.world_hash) == is_part_of_it
+
+
+def test_changes_with_the_current():
+    still = load_scenario("paper/k3-fdd", {"vehicle.max_speed_m_per_s": 9.0})
+    tide = {"kind": "tide", "speed_m_per_s": 0.3, "toward_deg": 40.0}
+    flowing = [
+        load_scenario(still, {"current": {**tide, **more}})
+        for more in ({}, {"phase_deg": 10.0}, {"speed_m_per_s": 0.31})
+    ]
+    files = [WIDE, csv_file([0.0], [0.0, 900.0], [-9.0, 900.0], [-9.0, 900.0], uneven)]
+    place = {"grid.origin": ORIGIN}
+    flowing += [
+        load_scenario(still, {**place, "current": {"kind": "file", "file": f}}) for f in files
+    ]
+    assert len({each.hash for each in (still, *flowing)}) == 6
+    assert load_scenario(still, {"current": "none"}).hash == still.hash
 
 
 def test_changes_with_the_kind_of_vehicle():
@@ -292,6 +337,8 @@ def test_scenario_of_a_run_folder_of_an_earlier_version(name, hash_then, world_h
         "storage:\n  kind: unlimited",
         "vehicle:\n  kind: unlimited",
         "hearing: one",
+        "current: none",
+        "  max_speed_m_per_s: null",
         "  vehicle_energy_penalty_per_kj: 0.0",
         "  stranded_penalty: 0.0",
         "  transmission: formula",

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from batteries import BATTERY, DOCKS
+from current_files import ORIGIN, WIDE
 from loss_tables import by_cells, by_range_and_depth
 from oracle_episodes import ENVS, Case, codes, play
 
@@ -734,6 +735,16 @@ CASES = {
             ),
             **TWO_AUVS,
             "vehicle": {"kind": "unlimited", "max_speed_m_per_s": 4.1},
+        },
+        tolerance=TABULATED,
+    ),
+    "current-from-file-tdd": Case(
+        "best/k3-tdd",
+        (TDD | SHARED | HELD) - {"contest at equal distance"},
+        {
+            **in_current({"kind": "file", "file": WIDE, "start_h": 0.05}, 4.4),
+            "grid.origin": ORIGIN,
+            **TWO_AUVS,
         },
         tolerance=TABULATED,
     ),

@@ -8,9 +8,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from iout_marl.core.geography import Floats
 from iout_marl.files import to_json
 from iout_marl.mission.formats.base import Format, title
-from iout_marl.mission.geography import Floats
 from iout_marl.mission.legs import DEGREE_DIGITS, METRE_DIGITS
 from iout_marl.mission.mission import Mission
 from iout_marl.mission.route import Route

@@ -35,6 +35,7 @@ class Shear(Current):
         depth_scale_m: Annotated[Positive, Plausible(0.1, 1e4, "m")]
 
     settings: Settings
+    reads_origin = True
 
     def frames(self, scenario: Scenario) -> Frames:
         origin = scenario.grid.origin

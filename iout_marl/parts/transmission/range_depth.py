@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from iout_marl.core.grid import Floats, Grid
+from iout_marl.core.interpolation import interpolated
 from iout_marl.core.pairs import MAX_PAIRS, Pairs
 from iout_marl.errors import InputError
 from iout_marl.parts.transmission.base import Transmission, refuse, transmissions
@@ -38,6 +38,10 @@ class RangeDepth(Transmission):
         top_depth_m: Depth | None = None
 
     settings: Settings
+
+    @property
+    def reads_origin(self) -> bool:  # type: ignore[override]
+        return self.settings.top_depth_m is None
 
     def check(self, scenario: Scenario) -> None:
         grid = Grid.from_scenario(scenario)
@@ -114,28 +118,3 @@ class RangeDepth(Transmission):
                     f"{name}: reaches from {values[0]:g} to {values[-1]:g} m, but the cells of the "
                     f"grid from {first_m:g} to {last_m:g} m"
                 )
-
-
-def interpolated(axes: tuple[Floats, ...], table: Floats, points: tuple[Any, ...]) -> Floats:
-    """A table at points, linearly along each axis; at and beyond its ends as at the ends.
-
-    Args:
-        axes: values along each axis of the table, the lowest first.
-        table: an axis for each of them.
-        points: for each axis (points,) values.
-    """
-    lower, shares = [], []
-    for values, at in zip(axes, points, strict=True):
-        place = np.clip(np.searchsorted(values, at, side="right") - 1, 0, max(len(values) - 2, 0))
-        upper = np.minimum(place + 1, len(values) - 1)
-        length = np.where(upper > place, values[upper] - values[place], 1.0)
-        lower.append((place, upper))
-        shares.append(np.clip((at - values[place]) / length, 0.0, 1.0))
-    result = np.zeros(len(points[0]))
-    for corner in itertools.product((0, 1), repeat=len(axes)):
-        weight = np.ones(len(result))
-        for is_upper, share in zip(corner, shares, strict=True):
-            weight = weight * (share if is_upper else 1 - share)
-        places = tuple(both[is_upper] for both, is_upper in zip(lower, corner, strict=True))
-        result += weight * table[places]
-    return result

@@ -11,7 +11,7 @@ import numpy as np
 from iout_marl.core.grid import Floats
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.scenario.data_files import DataFile
-from iout_marl.scenario.data_readers import Arrays, read_arrays
+from iout_marl.scenario.data_readers import Arrays, listed_on_axes, read_arrays
 from iout_marl.scenario.places import shorten
 
 FREQUENCY, LOSS = "frequency_khz", "loss_db"
@@ -94,20 +94,8 @@ def _from_list(
     file: DataFile, names: tuple[str, ...], columns: Arrays
 ) -> tuple[tuple[Floats, ...], Floats]:
     """A list, one line for every combination, in any order."""
-    found = [np.unique(columns[name], return_inverse=True) for name in names]
-    axes = tuple(values for values, _ in found)
-    shape = tuple(map(len, axes))
-    places = np.ravel_multi_index([place for _, place in found], shape)
-    lines, combinations = len(places), int(np.prod(shape))
-    if lines != combinations or len(np.unique(places)) != lines:
-        raise file.fault(
-            f"must have one line for each of {' × '.join(map(str, shape))} = {combinations:,} "
-            f"combinations of {', '.join(names)}; it has {lines:,}, "
-            f"{len(np.unique(places)):,} of them different"
-        )
-    loss_db = np.empty(combinations)
-    loss_db[places] = columns[LOSS]
-    return axes, loss_db.reshape(shape)
+    axes, lines = listed_on_axes(file, names, columns)
+    return axes, columns[LOSS][lines]
 
 
 def _from_arrays(
