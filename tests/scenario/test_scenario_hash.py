@@ -80,6 +80,7 @@ LEFT_OUT = {
 DETERMINED = {
     ("fdd", "harvester.area_m2"),
     ("tdd", "harvester.area_m2"),
+    ("tide", "harvester.area_m2"),
     ("modem", "channel.kind"),
     ("modem", "duplex.beta_rule"),
 }
@@ -170,11 +171,9 @@ def test_changes_with_the_current():
         load_scenario(still, {"current": {**tide, **more}})
         for more in ({}, {"phase_deg": 10.0}, {"speed_m_per_s": 0.31})
     ]
-    files = [WIDE, csv_file([0.0], [0.0, 900.0], [-9.0, 900.0], [-9.0, 900.0], uneven)]
-    place = {"grid.origin": ORIGIN}
-    flowing += [
-        load_scenario(still, {**place, "current": {"kind": "file", "file": f}}) for f in files
-    ]
+    for file in (WIDE, csv_file([0.0], [0.0, 900.0], [-9.0, 900.0], [-9.0, 900.0], uneven)):
+        current = {"kind": "file", "file": file}
+        flowing.append(load_scenario(still, {"grid.origin": ORIGIN, "current": current}))
     assert len({each.hash for each in (still, *flowing)}) == 6
     assert load_scenario(still, {"current": "none"}).hash == still.hash
 
