@@ -63,9 +63,14 @@ def as_npz(**arrays):
 
 
 def on_disk(settings, folder):
-    """Settings whose tables are paths of files, as a scenario would write them."""
-    if "tables" not in settings:
-        return settings
-    for file in settings["tables"]:
-        (folder / file.name).write_bytes(file.contents)
-    return {**settings, "tables": [str(folder / file.name) for file in settings["tables"]]}
+    """Settings with the paths of files of data, as a scenario would write them."""
+
+    def written(value):
+        if isinstance(value, list):
+            return [written(each) for each in value]
+        if not isinstance(value, DataFile):
+            return value
+        (folder / value.name).write_bytes(value.contents)
+        return str(folder / value.name)
+
+    return {key: written(value) for key, value in settings.items()}

@@ -43,6 +43,7 @@ KEYS = {
     "access": "channel.access",
     "beta rule": "duplex.beta_rule",
     "channel": "channel",
+    "current": "current",
     "duplex": "duplex",
     "harvester": "harvester",
     "hearing": "hearing",
@@ -59,6 +60,13 @@ PACKETS = {"packet_bits": 100.0, "bandwidth_hz": 3000.0}
 
 def ages(part, state):
     return -part.xp.max(state.age, axis=-1, keepdims=True)
+
+
+def two_frames(scenario, velocity=0.1, frame=0, weight=0.5):
+    slots, cells = scenario.num_slots, np.prod(scenario.grid.cells)
+    return parts.Frames(
+        np.full((2, cells, 2), velocity), np.full(slots, frame), np.full(slots, weight)
+    )
 
 
 REWARDS = {
@@ -447,6 +455,43 @@ def test_splits(scenario_with, registry, message):
             {"uplink_frequency_khz": -1},
         ),
         ("is_limited must be True", parts.storages, parts.Storage, {"is_limited": 1}),
+        ("flows must be True", parts.currents, parts.Current, {"flows": 1}),
+        (
+            "frames must return Frames, not None",
+            parts.currents,
+            parts.Current,
+            {"frames": lambda part, scenario: None},
+        ),
+        (
+            r"velocity_m_per_s must be floats of shape \(frames, cells, 2\)",
+            parts.currents,
+            parts.Current,
+            {"frames": lambda part, scenario: parts.Frames.from_steady(np.zeros((3, 2)))},
+        ),
+        (
+            "velocity_m_per_s must be finite",
+            parts.currents,
+            parts.Current,
+            {"frames": lambda part, scenario: two_frames(scenario, np.nan)},
+        ),
+        (
+            "frame must be from 0 to 0: the next one follows",
+            parts.currents,
+            parts.Current,
+            {"frames": lambda part, scenario: two_frames(scenario, frame=1)},
+        ),
+        (
+            "weight must be from 0 to 1",
+            parts.currents,
+            parts.Current,
+            {"frames": lambda part, scenario: two_frames(scenario, weight=1.2)},
+        ),
+        (
+            "max_speed_m_per_s must be above 0 m/s or None, not -1",
+            parts.vehicles,
+            parts.Vehicle,
+            {"max_speed_m_per_s": -1},
+        ),
         ("is_limited must be True", parts.vehicles, parts.Vehicle, {"is_limited": 1}),
         ("capacity_j must be above 0 J", parts.vehicles, parts.Vehicle, {"capacity_j": 0.0}),
         (

@@ -43,7 +43,7 @@ KNOWN = {}
 SHORT = {"episode.duration_s": 150}
 FEW = {"FIRST_SEARCH": (24, 1), "ROUND_SEARCH": (48, 3)}
 #: Roles whose kinds have the settings that their contracts are tested with.
-ROLES = ("harvester", "hearing", "transmission", "uplink")
+ROLES = ("current", "harvester", "hearing", "transmission", "uplink")
 #: All that is not a default: what a scenario says beneath holds for its own kind alone.
 SETTINGS = {
     ("placement", "fixed"): {"cells": CELLS},
@@ -59,6 +59,7 @@ KEYS = {
     "access": "channel.access",
     "beta rule": "duplex.beta_rule",
     "channel": "channel",
+    "current": "current",
     "duplex": "duplex",
     "harvester": "harvester",
     "hearing": "hearing",
@@ -228,7 +229,8 @@ def test_bounds(pairs):
         assert found.scheduling == expected.scheduling
         assert found.validity.removesuffix(f"; {found.stated_by}") == expected.validity
         relies = pairs.role in ("access", "hearing") or (
-            pairs.role in ("duplex", "beta rule", "motion", "placement", "storage", "vehicle")
+            pairs.role
+            in ("duplex", "beta rule", "motion", "placement", "storage", "vehicle", "current")
             and is_covered(first)
         )
         assert bool(found.stated_by) == relies

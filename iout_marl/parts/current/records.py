@@ -23,6 +23,7 @@ NORTH = ("water_v", "vo", "v", "northward_sea_water_velocity")
 TIME, DEPTH = ("time_s", "time"), ("depth_m", "depth")
 LATITUDE, LONGITUDE = ("lat", "latitude"), ("lon", "longitude")
 X, Y = ("x_m", "x"), ("y_m", "y")
+_KNOWN = {*EAST, *NORTH, *TIME, *DEPTH, *LATITUDE, *LONGITUDE, *X, *Y}
 #: The fastest current that is believed: that of tidal races.
 FASTEST_M_PER_S = 5.0
 
@@ -62,7 +63,7 @@ def read_record(file: DataFile) -> Record:
     else:
         raise file.fault("is neither a CSV file, by its name, nor NetCDF, by its contents")
     velocity = record.velocity_m_per_s
-    if np.isnan(velocity).all():
+    if np.isnan(velocity).any(axis=-1).all():
         raise file.fault("holds no velocity: all are NaN")
     fastest = float(np.nanmax(np.abs(velocity)))
     if fastest > FASTEST_M_PER_S:
@@ -175,7 +176,8 @@ def _named(
     """Which of some names a file has; "" for none where that may be."""
     name = next((name for name in names if name in there), "")
     if not name and not optional:
-        near = next(filter(None, (did_you_mean(n, there, or_list=False) for n in names)), "")
-        has = near or f"; it has {', '.join(map(shorten, there))}"
+        unread = [each for each in there if each not in _KNOWN]
+        near = next(filter(None, (did_you_mean(n, unread, or_list=False) for n in names)), "")
+        has = near or f"; it has {', '.join(map(shorten, there)) or 'none'}"
         raise file.fault(f"has no {what} {' or '.join(names[:3])}{has}")
     return name
