@@ -94,3 +94,13 @@ def shortened(text: str, length: int) -> str:
     if cell_len(text) > length:
         text = displayable(set_cell_size(text, length - 1).rstrip() + "…")
     return text
+
+
+#: To +x and then, a turn of 45° each, by +y.
+_ARROWS = "→↗↑↖←↙↓↘"
+
+
+def current_text(x_m_per_s: float, y_m_per_s: float) -> str:
+    """A current: its speed, and an arrow on a map on which x runs to the right and y up."""
+    eighth = round(math.degrees(math.atan2(y_m_per_s, x_m_per_s)) / 45) % 8
+    return f"{math.hypot(x_m_per_s, y_m_per_s):.2f} m/s {_ARROWS[eighth]}"

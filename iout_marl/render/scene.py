@@ -12,6 +12,7 @@ from enum import Enum
 
 import numpy as np
 
+from iout_marl.render.labels import current_text
 from iout_marl.render.snapshot import Flags, Floats, Integers, Snapshot
 from iout_marl.scenario.spacing import Edges
 
@@ -97,6 +98,9 @@ class Scene:
             tags = [f"{tag}  β {b:.2f}" for tag, b in zip(tags, snapshot.beta, strict=True)]
         if snapshot.battery is not None:
             tags = [f"{tag}  {left:.0%}" for tag, left in zip(tags, snapshot.battery, strict=True)]
+        if snapshot.currents is not None:
+            flows = [current_text(x, y) for x, y in snapshot.currents.tolist()]
+            tags = [f"{tag}  {flow}" for tag, flow in zip(tags, flows, strict=True)]
         tags = [f"{tag}  {snapshot.condition(auv)}".rstrip() for auv, tag in enumerate(tags)]
         headings = {} if snapshot.headings is None else dict(enumerate(snapshot.headings))
         here = places[None]

@@ -58,6 +58,8 @@ class Snapshot:
     asleep: Flags | None = None  # (nodes,) which slept through it; None where none can
     polled: Integers | None = None  # (auvs, rounds) nodes polled beside, in their order
     polled_delivered: Flags | None = None  # (auvs, rounds) whether their packets arrived
+    # (auvs, 2) m/s along x and y: the current that AUVs are in; None in still water
+    currents: Floats | None = None
 
     @classmethod
     def from_world(
@@ -103,6 +105,7 @@ class Snapshot:
             polled_delivered=None
             if events is None
             else np.array(events.polled_delivered[env], dtype=np.bool_),
+            currents=currents_at(world, state, env),
         )
 
     def drawable(self) -> Snapshot:
@@ -213,6 +216,20 @@ def battery_shares(world: World, state: State, env: int) -> Floats | None:
         return None
     shares = np.array(state.battery_j[env], dtype=np.float64) / world.vehicle.capacity_j
     return np.clip(shares, 0.0, 1.0)
+
+
+def currents_at(world: World, state: State, env: int) -> Floats | None:
+    """The current that AUVs of an environment are in, (auvs, 2) m/s along x and y; None for none.
+
+    Args:
+        world: the world, on NumPy.
+        state: where it is: the current is that of the slot that begins.
+        env: index of the environment.
+    """
+    if world.current is None:
+        return None
+    x, y = world.current.at(state.slot, state.cell)
+    return np.stack([x[env], y[env]], axis=-1).astype(np.float64)
 
 
 def docks_of(world: World) -> Integers | None:

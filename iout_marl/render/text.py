@@ -11,6 +11,7 @@ from rich.cells import cell_len, set_cell_size
 from iout_marl.render.labels import (
     age_text,
     auv_name,
+    current_text,
     energy_text,
     number_text,
     shortened,
@@ -162,6 +163,8 @@ def _auv_table(s: Snapshot, names: list[str]) -> list[str]:
         if s.battery is not None:
             share = s.battery[auv]
             words.append(f"battery {share:.0%}" if share > 0 else "battery empty")
+        if s.currents is not None:
+            words.append(f"current {current_text(*s.currents[auv])}")
         if condition := s.condition(auv):
             words.append(condition)
         lines.append("  ".join(words))

@@ -18,7 +18,7 @@ from iout_marl.files import to_json
 from iout_marl.inline import code_for_script, json_for_script
 from iout_marl.render import style
 from iout_marl.render.hull import hull_svg
-from iout_marl.render.labels import displayable, energy_text
+from iout_marl.render.labels import current_text, displayable, energy_text
 from iout_marl.render.layout import drawn_edges, place_nodes, stretched_axes
 from iout_marl.replay.film import TRAIL_SLOTS
 from iout_marl.replay.names import short_names
@@ -220,8 +220,13 @@ def _episode(r: Recording) -> dict[str, Any]:
         **({} if r.battery is None else {"battery": _short(r.battery)}),
         **({} if r.transit_slots is None else _moves(r)),
         **({} if r.docks is None else {"docks": r.docks.tolist()}),
+        **({} if r.current_m_per_s is None else {"currents": _current_texts(r.current_m_per_s)}),
         **({} if r.asleep is None else {"asleep": r.asleep.astype(int).ravel().tolist()}),
     }
+
+
+def _current_texts(current_m_per_s: npt.NDArray[np.float64]) -> list[str]:
+    return [current_text(x, y) for x, y in current_m_per_s.reshape(-1, 2).tolist()]
 
 
 def _moves(r: Recording) -> dict[str, Any]:

@@ -50,6 +50,7 @@ OPTIONAL_ARRAYS = {
     "transit_slots": _Array(("slots + 1", "auvs"), int),
     "docks": _Array(("docks", "axes"), int, 1, "grid"),
     "asleep": _Array(("slots", "nodes"), bool),
+    "current_m_per_s": _Array(("slots + 1", "auvs", "x and y"), float, -_LARGEST),
 }
 _ROUNDS = ("slots", "auvs", "rounds")
 #: Of nodes polled beside the chosen ones; left out where there are none.

@@ -10,7 +10,7 @@ from iout_marl.core.reasons import Reason
 from iout_marl.errors import InputError
 from iout_marl.evaluation import play
 from iout_marl.policies import AnyPolicy, Policy, policy_for
-from iout_marl.render.snapshot import battery_shares, docks_of, sleeping
+from iout_marl.render.snapshot import battery_shares, currents_at, docks_of, sleeping
 from iout_marl.replay.recording import Recording
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario, to_yaml
 from iout_marl.world import Events, State, World
@@ -47,11 +47,14 @@ class Recorder:
         }
 
     def _of_vehicles(self, state: State) -> dict[str, Any]:
-        """What only some scenarios' AUVs have: a battery, moves over several slots."""
+        """What only some scenarios' AUVs have: a battery, a current, moves over several slots."""
         motion, env, found = self._world.motion, self._env, {}
         battery = battery_shares(self._world, state, env)
         if battery is not None:
             found["battery"] = battery
+        currents = currents_at(self._world, state, env)
+        if currents is not None:
+            found["current_m_per_s"] = currents
         if motion.takes_slots:
             found["heading"] = self._cells[motion.heading(state)[env]]
             found["transit_slots"] = np.array(state.transit_slots[env])

@@ -82,6 +82,8 @@ class Recording:
         transit_slots: (slots + 1, auvs) slots until the move ends, 0 for nobody under way; None
             likewise.
         docks: (docks, 3) cells in which AUVs are recharged; None where there are none.
+        current_m_per_s: (slots + 1, auvs, 2) the current along x and y that AUVs are in when a slot
+            begins; None in still water.
         asleep: (slots, nodes) which nodes sleep; None where stores have no limits.
     """
 
@@ -122,6 +124,7 @@ class Recording:
     transit_slots: Integers | None = None
     docks: Integers | None = None
     asleep: Flags | None = None
+    current_m_per_s: Floats | None = None
 
     @property
     def slots(self) -> int:
@@ -244,6 +247,7 @@ class Recording:
             progress=None if self.transit_slots is None else progress(self.transit_slots)[place],
             docks=self.docks,
             stranded=self.stranded[slot] if place and self.battery is not None else None,
+            currents=None if self.current_m_per_s is None else self.current_m_per_s[place],
             asleep=self.asleep[slot] if place and self.asleep is not None else None,
             polled=self._named(self.polled[slot]) if place else None,
             polled_delivered=self.polled_delivered[slot] if place else None,
@@ -310,7 +314,7 @@ class Recording:
         read = Reader(data, where)
         grid = read.grid()
         reasons = read.reasons()
-        sizes = {"axes": 3, "reasons": len(reasons)}
+        sizes = {"axes": 3, "x and y": 2, "reasons": len(reasons)}
         sizes |= {"nodes": read.length("nodes"), "slots": read.length("charged")}
         sizes["slots + 1"] = sizes["slots"] + 1
         sizes["auvs"] = read.width("charged")

@@ -199,7 +199,7 @@ def test_netcdf_refused_in_a_line(tmp_path, message):
 def test_damaged_netcdf_is_refused_in_a_line(tmp_path):
     contents = model(tmp_path).contents
     for damaged in (contents[:300], contents[:1000] + bytes(500), b"CDF\x01" + bytes(40)):
-        with pytest.raises(InputError, match="is no NetCDF file, or a|has no variable") as refused:
+        with pytest.raises(InputError, match=r"is no NetCDF file, or a|has no variable") as refused:
             in_scenario(DataFile("model.nc", damaged))
         assert "\n" not in str(refused.value)
 

@@ -12,6 +12,10 @@ from iout_marl.core.grid import Grid
 from iout_marl.parts.current.base import positions_m
 from iout_marl.physics import propulsion_power_w
 from iout_marl.policies import Budget, PlannerPolicy
+from iout_marl.render import Snapshot, as_text
+from iout_marl.replay import Recording
+from iout_marl.replay.page import render_page
+from iout_marl.replay.recorder import record_policy
 from iout_marl.tracing.unrolled import UnrolledSlot, numbers
 from trainers import Trainer
 
@@ -414,3 +418,22 @@ def test_a_current_from_outside_plays():
         assert "as stated by part 'whirl' (current)" in bound(world.scenario, seconds=0).validity
     finally:
         parts.currents.unregister("whirl")
+
+
+# What is shown.
+
+
+def test_views_show_the_current_where_there_is_one():
+    world = make(uniform(0.8, 45.0))
+    state = world.reset()
+    assert "current 0.80 m/s ↗" in as_text(Snapshot.from_world(world, state, None))
+    recording = record_policy(world.scenario, "greedy")
+    data = recording.to_json()
+    assert data["current_m_per_s"][0] == [pytest.approx([0.8 * 0.5**0.5] * 2)]
+    again = Recording.from_json(data)
+    assert np.array_equal(again.current_m_per_s, recording.current_m_per_s)
+    assert "current 0.80 m/s ↗" in as_text(again.snapshot(3))
+    assert r"0.80 m/s \u2197" in render_page([again])
+    still = record_policy(make("none").scenario, "greedy")
+    assert "current_m_per_s" not in still.to_json()
+    assert "current" not in as_text(still.snapshot(3))

@@ -143,8 +143,8 @@ def _check_covers(
     ):
         if missing * unit_m > _SLACK_M:
             raise record.file.fault(
-                f"does not cover the grid towards {side}: it ends at {name} {edge:.7g}, cells reach "
-                f"to {cell:.7g}, {missing * unit_m:,.0f} m farther"
+                f"does not cover the grid towards {side}: it ends at {name} {edge:.7g}, cells "
+                f"reach to {cell:.7g}, {missing * unit_m:,.0f} m farther"
             )
 
 

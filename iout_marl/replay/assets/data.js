@@ -162,7 +162,7 @@ class Episode {
     });
     if (words.length) return words.join(" ");
     if (this.isStranded(slot, auv)) return "stranded: battery empty";
-    return this.slotsLeft(slot, auv) ? "gave the move up: battery too low" : "hovered";
+    return this.slotsLeft(slot, auv) ? (this.currents ? "gave the move up" : "gave the move up: battery too low") : "hovered";
   }
   /** Whether the battery of an AUV was empty in a slot. */
   isStranded(slot, auv) {
@@ -174,6 +174,11 @@ class Episode {
     if (!this.battery) return "";
     const dock = this.isDocked(place, auv) ? ", recharged in the dock" : "";
     return `battery ${Math.round(100 * this.charge(place, auv))} %${dock}`;
+  }
+
+  /** The current that an AUV was in in a slot, in words; empty in still water. */
+  currentText(slot, auv) {
+    return this.currents ? `current ${this.currents[slot * this.auvs + auv]}` : "";
   }
 
   /** Jain's index of the deliveries so far. */

@@ -185,7 +185,9 @@ class Panel {
     if (polled.length) outcome.append(make("div", { class: "polled" }, `Polled: ${polled.join("; ")}`));
     const badge = make("span", { class: "auv" }, auvName(link.auv));
     badge.style.background = episode.isStranded(slot, link.auv) ? LOOK.failed : auvColour(episode, link.auv);
-    const moved = [episode.moveText(slot, link.auv), episode.batteryText(slot + 1, link.auv)];
+    const moved = [
+      episode.moveText(slot, link.auv), episode.currentText(slot, link.auv), episode.batteryText(slot + 1, link.auv),
+    ];
     return make(
       "tr", {}, make("th", { scope: "row" }, badge), make("td", {}, moved.filter(Boolean).join(", ")),
       make("td", {}, charged), make("td", {}, asked ? `node ${link.heard + 1}` : "nobody"), outcome
