@@ -38,7 +38,9 @@ EXAMPLE = (
             "drag_coefficient": 0.006,
             "propulsion_efficiency": 0.7,
             "hotel_w": 40.0,
+            "max_speed_m_per_s": 5.0,
         },
+        "current": {"kind": "tide", "speed_m_per_s": 0.5, "toward_deg": 45.0},
     },
 )
 #: What else an entry needs to have something to tell.

@@ -21,14 +21,14 @@ from iout_marl.core.pace import Pace
 from iout_marl.parts.base import Part
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
-from iout_marl.scenario.fields import NonNegative, Plausible, invalid
+from iout_marl.scenario.fields import NonNegative, Plausible, Positive, invalid
 from iout_marl.whole import short
 
 #: Speeds of currents: tidal races are the fastest.
 Speed = Annotated[NonNegative, Plausible(0, 5, "m/s", slips=(1e-2, 1e-3))]
 #: A direction clockwise from +y, towards +x.
 Direction = Annotated[float, Field(ge=0, lt=360)]
-Period = Annotated[NonNegative, Field(gt=0), Plausible(0.01, 1e4, "h")]
+Period = Annotated[Positive, Plausible(0.01, 1e4, "h")]
 
 #: Steps along x and y by which the water carries an AUV away, in the order of `World`.
 DRIFTS = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))

@@ -30,8 +30,7 @@ class DoubleGyre(Current):
     """
 
     class Settings(PartSettings):
-        #: πA in units of the short side: the highest speed along x of gyres in a grid twice as
-        #: long as wide.
+        #: πA over the grid's extent along y: the highest speed along x.
         amplitude_m_per_s: Speed
         #: ε, how far the line between the gyres moves: 0 for steady ones.
         epsilon: Annotated[float, Field(ge=0, le=0.5)] = 0.25
