@@ -10,7 +10,6 @@ import numpy.typing as npt
 from iout_marl.arrays.backend import Backend
 from iout_marl.core.grid import Floats, Grid
 from iout_marl.core.pace import Pace
-from iout_marl.core.state import State
 from iout_marl.physics.arrays import Array, lookup
 from iout_marl.scenario import Scenario
 
@@ -118,15 +117,23 @@ class CurrentField:
         )
         return x, y
 
-    def speed_through_water(self, state: State, heading: Array) -> Array:
-        """Speed in m/s, in the shape of `heading`, with which AUVs make good a slot of their moves.
+    def speed_to_hold(self, flow: tuple[Array, Array]) -> Array:
+        """Speed through the water of AUVs that hold their cells, in m/s; `flow` is of `at`."""
+        x, y = flow
+        return self._xp.sqrt(x * x + y * y)
+
+    def speed_to_move(self, flow: tuple[Array, Array], cell: Array, heading: Array) -> Array:
+        """Speed through the water in m/s with which AUVs make good a slot of moves.
 
         Args:
-            state: the state before the slot.
-            heading: the cells that they move to, (envs, auvs), or (envs, auvs, choices); the own
-                cell is to hold it.
+            flow: the current that they are in, of `at`.
+            cell: (envs, auvs) cells that they are in.
+            heading: cells that they move to, (envs, auvs), or (envs, auvs, choices).
+
+        Returns:
+            in the shape of `heading`.
         """
-        xp, (x, y), cell = self._xp, self.at(state.slot, state.cell), state.cell
+        xp, (x, y) = self._xp, flow
         if heading.ndim > cell.ndim:
             x, y, cell = x[..., None], y[..., None], cell[..., None]
         offset = heading - cell + self._origin

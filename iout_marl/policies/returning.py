@@ -135,7 +135,7 @@ def _returns(
     vehicle, slot_s = world.vehicle, world.link.slot_s
     target = world.motion.targets(state, direction)
     if world.current is None:
-        slot_j = np.asarray(vehicle.propulsion_j(state, target))
+        slot_j = np.asarray(vehicle.propulsion_j(state.cell, target))
     else:
         slot_j = vehicle.dearest_j(state.cell, target)
     slot_j = slot_j + (vehicle.hotel_w + world.scenario.charging.power_w) * slot_s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from iout_marl.core.current import CurrentField
 from iout_marl.core.state import State
 from iout_marl.parts import Context, Vehicle
 from iout_marl.physics.arrays import Array
@@ -43,21 +44,49 @@ class Manoeuvre:
             if vehicle.is_limited:
                 stays = vehicle.stays(state, motion.targets(state, direction))
             return motion.move(state, direction, stays)
-        stays = ~vehicle.can_make_good(state, motion.targets(state, direction))
-        drifts = stays & ~vehicle.can_make_good(state, state.cell)
+        return self._in_current(self._current, state, direction, stranded)
+
+    def _in_current(
+        self, current: CurrentField, state: State, direction: Array, stranded: Array | None
+    ) -> Moved:
+        xp, motion, vehicle, cell = self._xp, self._motion, self._vehicle, state.cell
+        flow, target = current.at(state.slot, cell), motion.targets(state, direction)
+        hold_speed = current.speed_to_hold(flow)
+        move_speed = current.speed_to_move(flow, cell, target)
+        holds, goes = vehicle.is_fast_enough(hold_speed), vehicle.is_fast_enough(move_speed)
+        moored = vehicle.is_moored(cell)
+        if vehicle.is_limited:
+            hold_j, move_j = vehicle.swimming_j(hold_speed), vehicle.swimming_j(move_speed)
+            if moored is not None:
+                hold_j = xp.where(moored, self._zero, hold_j)
+            holds = holds & vehicle.can_pay(state, hold_j)
+            goes = goes & vehicle.can_pay(state, move_j)
+        if moored is not None:
+            holds = holds | moored
+            goes = goes | (moored & (target == cell))
+        stays, drifts = ~goes, ~(goes | holds)
         idle = drifts
         if vehicle.is_limited:
             if stranded is None:
                 stranded = vehicle.is_stranded(state.battery_j)
-            stays, drifts, idle = stays | stranded, drifts & ~stranded, idle | stranded
-        moved = motion.move(state, direction, stays, (drifts, self._where_to(state)))
-        return moved._replace(idle=idle)
+            stays, drifts, idle = stays | stranded, drifts & ~stranded, drifts | stranded
+        moved = motion.move(state, direction, stays, (drifts, self._where_to(flow)))
+        moved = moved._replace(idle=idle)
+        if not vehicle.is_limited:
+            return moved
+        heading = motion.heading(moved)
+        if motion.ends_in_between:
+            move_j = vehicle.swimming_j(current.speed_to_move(flow, cell, heading))
+        asked_j = xp.where(heading == cell, hold_j, move_j)
+        return moved._replace(propulsion_j=vehicle.paid_j(state, asked_j, idle))
 
     def possible(self, state: State) -> Array | None:
         """Which directions the speed suffices for: (envs, auvs, directions) bool; None for all."""
         if self._current is None:
             return None
-        return self._vehicle.is_fast_enough(state, self._motion.neighbours(state.cell))
+        current, cell = self._current, state.cell
+        flow, heading = current.at(state.slot, cell), self._motion.neighbours(cell)
+        return self._vehicle.is_fast_enough(current.speed_to_move(flow, cell, heading))
 
     def open(self, state: State) -> Array:
         """Which directions keep an AUV in the grid and are possible, alike."""
@@ -73,13 +102,13 @@ class Manoeuvre:
         cells = self._motion.reachable(state)
         if self._current is None:
             return cells
-        drifted = self._motion.drifted(state.cell, self._where_to(state))
+        where_to = self._where_to(self._current.at(state.slot, state.cell))
+        drifted = self._motion.drifted(state.cell, where_to)
         return self._xp.concat([cells, state.cell[..., None], drifted[..., None]], axis=-1)
 
-    def _where_to(self, state: State) -> Array:
-        """Where the current carries AUVs, (envs, auvs) indices into `DRIFTS`."""
-        assert self._current is not None
-        xp, (x, y) = self._xp, self._current.at(state.slot, state.cell)
+    def _where_to(self, flow: tuple[Array, Array]) -> Array:
+        """Where currents carry AUVs, (envs, auvs) indices into `DRIFTS`."""
+        xp, (x, y) = self._xp, flow
         right, left, ahead, back = self._drifts
         along_x = xp.where(x < self._zero, left, right)
         along_y = xp.where(y < self._zero, back, ahead)

@@ -29,8 +29,10 @@ class Moved(NamedTuple):
     blocked: Array  # (envs, auvs) bool: kept from moving by another AUV
     transit_slots: Array  # (envs, auvs) int: slots until the move ends; 0 for nobody under way
     course: Array  # (envs, auvs) int: its direction
-    # (envs, auvs) bool: lying still or adrift, without propulsion; None where there is no current
+    # In a current, else None: (envs, auvs) bool, lying still or adrift, without propulsion; and
+    # where there are batteries, (envs, auvs) float, J: what that takes.
     idle: Array | None = None
+    propulsion_j: Array | None = None
 
 
 class Mover:
@@ -49,6 +51,7 @@ class Mover:
 
     Attributes:
         pace: how its moves are made.
+        ends_in_between: whether moves over several cells may end before they are over.
         takes_slots: whether any of them takes longer than a slot.
     """
 
@@ -57,6 +60,7 @@ class Mover:
         self.num_directions = len(self.steps)
         self.pace = Pace.from_scenario(scenario)
         self.takes_slots = self.pace.takes_slots
+        self.ends_in_between = bool((self.pace.cells > 1).any()) and scenario.num_auvs > 1
         self._num_auvs = scenario.num_auvs
         self._backend = backend
         self._xp = backend.xp

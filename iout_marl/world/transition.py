@@ -80,14 +80,16 @@ class Transition:
             split = self.without_idle(split, charges)
         if world.vehicle.is_limited:
             heading = world.motion.heading(moved)
-            can_charge = world.vehicle.can_charge(state, heading, split.charging_s, moved.idle)
+            can_charge = world.vehicle.can_charge(
+                state, heading, split.charging_s, moved.propulsion_j
+            )
             charged = xp.where(can_charge, charged, self._nobody)
             if world.duplex.num_choices == 1:
                 # Charging and hearing are one act.
                 heard, hears = charged, hears & can_charge
             split = self.without_idle(split, can_charge)
         vehicle, drawn_j = world.vehicle.after(
-            state, cell, heading, stranded, split.charging_s, moved.idle
+            state, cell, heading, stranded, split.charging_s, moved.propulsion_j, moved.idle
         )
         # Eq. `E harvested`; a node charged by two AUVs gets both.
         harvested_j = link.at(link.harvested_w, charged_offset) * split.charging_s

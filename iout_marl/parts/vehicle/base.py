@@ -132,7 +132,7 @@ class Vehicle(Part):
         backend = world.backend
         #: Who is stranded where nobody can be.
         self.none_stranded = backend.zeros((world.num_envs, self._columns)) > 0
-        self._is_moored: Array | None = None
+        self._dock_cells: Array | None = None
         if world.current is not None:
             self._set_up_current(world, world.current)
         if not self.is_limited:
@@ -178,37 +178,35 @@ class Vehicle(Part):
         if self.docks:
             is_dock = np.zeros(world.grid.num_codes, dtype=np.bool_)
             is_dock[world.grid.encode(np.array(self.docks) - 1)] = True
-            self._is_moored = self.xp.asarray(is_dock, device=world.backend.device)
+            self._dock_cells = self.xp.asarray(is_dock, device=world.backend.device)
 
-    def can_make_good(self, state: State, heading: Array) -> Array:
-        """Which AUVs can make good a slot of the moves to cells in the current.
+    def is_fast_enough(self, speed: Array) -> Array:
+        """Which speeds through the water are no higher than the vehicle's highest."""
+        return speed <= (self._top_speed if self._max_speed is None else self._max_speed)
+
+    def can_pay(self, state: State, energy_j: Array) -> Array:
+        """Which AUVs have so much beside the hotel load, (envs, auvs)."""
+        return state.battery_j - self._hotel_j >= energy_j
+
+    def paid_j(self, state: State, energy_j: Array, idle: Array) -> Array:
+        """What propulsion takes in a current, (envs, auvs) in J.
+
+        No more than the battery has beside the hotel load: an AUV that another one stops holds its
+        cell as long as it can.
 
         Args:
             state: the state before the slot.
-            heading: (envs, auvs) cells; the own one is to hold it.
+            energy_j: (envs, auvs) what is asked for.
+            idle: (envs, auvs) bool, whose propulsion rests.
         """
-        speed = self._speed_through_water(state, heading)
-        can: Array = speed <= (self._top_speed if self._max_speed is None else self._max_speed)
-        if self.is_limited:
-            can = can & (state.battery_j - self._hotel_j >= self._energy_at(speed))
-        if self._is_moored is not None:
-            can = can | self._holds_in_dock(state, heading)
-        return can
+        energy_j = self.xp.minimum(energy_j, state.battery_j - self._hotel_j)
+        return self.xp.where(idle, self._zero, energy_j)
 
-    def is_fast_enough(self, state: State, heading: Array) -> Array:
-        """Whether the speed suffices for moves to (envs, auvs, choices) cells in the current."""
-        speed = self._speed_through_water(state, heading)
-        return speed <= (self._top_speed if self._max_speed is None else self._max_speed)
+    def is_moored(self, cell: Array) -> Array | None:
+        """Which AUVs lie in docks, (envs, auvs), and need not hold their cells; None for nobody."""
+        return None if self._dock_cells is None else lookup(self.xp, self._dock_cells, cell)
 
-    def _speed_through_water(self, state: State, heading: Array) -> Array:
-        assert self.world.current is not None
-        return self.world.current.speed_through_water(state, heading)
-
-    def _holds_in_dock(self, state: State, heading: Array) -> Array:
-        is_dock = lookup(self.xp, self._is_moored, state.cell)
-        return is_dock & (heading == state.cell)
-
-    def _energy_at(self, speed: Array) -> Array:
+    def swimming_j(self, speed: Array) -> Array:
         """What a slot at speeds through the water takes, in J."""
         xp = self.xp
         place = xp.minimum(speed, self._top_speed) * self._intervals_per_speed
@@ -225,36 +223,24 @@ class Vehicle(Part):
         """Which AUVs cannot pay for a slot of the move to their (envs, auvs) targets."""
         battery_j = state.battery_j
         return self.is_stranded(battery_j) | (
-            battery_j - self._hotel_j < self.propulsion_j(state, target)
+            battery_j - self._hotel_j < self.propulsion_j(state.cell, target)
         )
 
     def can_charge(
-        self, state: State, heading: Array, charging_s: Array, idle: Array | None = None
+        self, state: State, heading: Array, charging_s: Array, propulsion_j: Array | None = None
     ) -> Array:
-        """Which AUVs can pay for charging for so long, beside moving to (envs, auvs) cells."""
-        left_j = state.battery_j - self._hotel_j - self.propulsion_j(state, heading, idle)
+        """Which AUVs can pay for charging for so long, beside moving to (envs, auvs) cells.
+
+        In a current `propulsion_j` is what that takes.
+        """
+        if propulsion_j is None:
+            propulsion_j = self.propulsion_j(state.cell, heading)
+        left_j = state.battery_j - self._hotel_j - propulsion_j
         return left_j >= charging_s * self._charging_w
 
-    def propulsion_j(self, state: State, heading: Array, idle: Array | None = None) -> Array:
-        """What a slot of the moves to cells takes, (envs, auvs) in J.
-
-        In a current no more than the battery has beside the hotel load: an AUV that another one
-        stops holds its cell as long as it can.
-
-        Args:
-            state: the state before it.
-            heading: (envs, auvs) cells.
-            idle: (envs, auvs) bool, whose propulsion rests: they lie still or drift; None where
-                there is no current.
-        """
-        xp = self.xp
-        if self.world.current is None:
-            return lookup(xp, self._move_j, self.world.link.grid_offset(heading, state.cell))
-        energy_j = self._energy_at(self._speed_through_water(state, heading))
-        energy_j = xp.minimum(energy_j, state.battery_j - self._hotel_j)
-        if self._is_moored is not None:
-            energy_j = xp.where(self._holds_in_dock(state, heading), self._zero, energy_j)
-        return energy_j if idle is None else xp.where(idle, self._zero, energy_j)
+    def propulsion_j(self, cell: Array, heading: Array) -> Array:
+        """What a slot of the moves from cells to cells takes in still water, (envs, auvs) in J."""
+        return lookup(self.xp, self._move_j, self.world.link.grid_offset(heading, cell))
 
     def dearest_j(self, cell: Array, heading: Array) -> Array:
         """What a slot of the moves from cells to cells takes at most in the current, alike."""
@@ -277,6 +263,7 @@ class Vehicle(Part):
         heading: Array,
         stranded: Array,
         charging_s: Array,
+        propulsion_j: Array | None = None,
         idle: Array | None = None,
     ) -> tuple[dict[str, Array], Array]:
         """Fields of the state after a slot, and what was drawn in it, (envs, auvs) in J.
@@ -287,17 +274,16 @@ class Vehicle(Part):
             heading: the cells that AUVs go to whose moves are not over, those of the others.
             stranded: (envs, auvs) bool, `is_stranded` of that state.
             charging_s: (envs, auvs) how long they have charged.
-            idle: whose propulsion rests, see `propulsion_j`.
+            propulsion_j, idle: in a current what propulsion takes, and whose rests.
         """
         if not self.is_limited:
             return self._as_before(state), state.battery_j
         xp, offset = self.xp, self.world.link.grid_offset(heading, state.cell)
         hotel_j = xp.where(stranded, state.battery_j, self._hotel_j)
         way_m = lookup(xp, self._way_m, offset)
-        if idle is None:
+        if propulsion_j is None:
             propulsion_j = lookup(xp, self._move_j, offset)
-        else:
-            propulsion_j = self.propulsion_j(state, heading, idle)
+        if idle is not None:
             # Who drifts does so within the slot, however long a move to there would take.
             way_m = xp.where(idle, lookup(xp, self._whole_way_m, offset), way_m)
         charging_j = charging_s * self._charging_w
