@@ -37,8 +37,11 @@ CASES = {
             "observation.time": True,
             "observation.view_range_m": 400,
             "observation.agent_index": True,
-            "observation.entries": ["time", "transit", "harvests", "battery", "batteries"],
-            "vehicle": BATTERY,
+            "observation.entries": [
+                *("time", "transit", "harvests", "battery", "batteries", "current"),
+            ],
+            "vehicle": {**BATTERY, "max_speed_m_per_s": 5.0},
+            "current": {"kind": "tide", "speed_m_per_s": 0.5, "toward_deg": 30.0},
             "episode.slot_s": 10,
             "training.activation": "relu",
             "training.observation_scaling": "running",
