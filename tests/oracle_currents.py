@@ -24,6 +24,8 @@ class Water:
         self.table: dict[tuple[float, ...], tuple[float, float]] | None = None
         spacing = self.scenario.grid.spacing_m
         self.edges_m = tuple(spacing) if isinstance(spacing, tuple) else (spacing,) * 3
+        # What chance has added to a current that wanders.
+        self.wander = [0.0, 0.0]
         # Of the slot: AUVs that hold their cells against their will, that drift, and that lie at
         # the edge.
         self.holding: set[int] = set()
@@ -58,7 +60,19 @@ class Water:
         if kind == "tide":
             speed *= math.cos(math.tau * (hours / own.period_h + own.phase_deg / 360))
         angle = math.radians(90 - own.toward_deg)
-        return speed * math.cos(angle), speed * math.sin(angle)
+        along_x, along_y = self.wander
+        return speed * math.cos(angle) + along_x, speed * math.sin(angle) + along_y
+
+    def change(self, drawn: Sequence[float]) -> None:
+        """Let it wander on, by a normal number for each component, after a slot."""
+        own, lasts_s = self.settings, self.settings.time_constant_h * 3600
+        kept = math.exp(-self.scenario.slot_s / lasts_s)
+        most = 4 * own.sigma_m_per_s
+        new = math.sqrt(1 - kept**2) * own.sigma_m_per_s
+        self.wander = [
+            max(-most, min(most, kept * old + new * n))
+            for old, n in zip(self.wander, drawn, strict=True)
+        ]
 
     def gyre(self, x_m: float, y_m: float, hours: float) -> tuple[float, float]:
         """The slopes of the stream function, by central differences."""

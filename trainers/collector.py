@@ -323,6 +323,8 @@ class Collector:
             later.append("polled")
         if not self.world.motion.takes_slots:
             later += TRANSIT_FIELDS
+        if not self.state.wander_m_per_s.shape[-1]:
+            later.append("wander_m_per_s")
         whole = {name: t for name, t in whole.items() if name not in later}
         names = [metric.name for metric in self.world.summed]
         return {
@@ -339,7 +341,7 @@ class Collector:
         """
         states = [
             dict.fromkeys((*STORE_FIELDS, *VEHICLE_FIELDS), one["state"]["age"][:, :0])
-            | {name: self._none_of(one) for name in ("unasked", "polled")}
+            | {name: self._none_of(one) for name in ("unasked", "polled", "wander_m_per_s")}
             | dict.fromkeys(TRANSIT_FIELDS, one["state"]["cell"][:, :0])
             | one["state"]
             | {"sums": self._sums_of(one)}

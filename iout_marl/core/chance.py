@@ -24,6 +24,7 @@ class Chance(NamedTuple):
 
     fading: Array  # (envs, auvs, nodes) normal: what shadowing changes by
     wind: Array  # (envs, 1) normal: what the wind changes by
+    current: Array  # (envs, 2) normal: what the current changes by along x and y
     arrival: Array  # (envs, auvs, 1 + rounds) uniform: which of the packets sent get lost
 
     def map(self, function: Callable[[Array], Array]) -> Chance:
@@ -32,7 +33,7 @@ class Chance(NamedTuple):
 
 
 #: By field: its axes behind that of the environments, where nobody takes it.
-_NONE = {"fading": (0, 0), "wind": (0,), "arrival": (0, 0)}
+_NONE = {"fading": (0, 0), "wind": (0,), "current": (0,), "arrival": (0, 0)}
 
 
 def shape_of(name: str, draws: dict[str, Draw], num_envs: int) -> tuple[int, ...]:

@@ -8,14 +8,18 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.arrays.backend import Backend
+from iout_marl.core.chance import Chance
 from iout_marl.core.grid import Floats, Grid
 from iout_marl.core.pace import Pace
+from iout_marl.core.state import State
 from iout_marl.physics.arrays import Array, lookup
 from iout_marl.scenario import Scenario
 
 #: Velocities of all frames and codes of cells that a world's tables may have, slots of a current
 #: that changes.
 MAX_VELOCITIES, MAX_SLOTS = 10**7, 10**7
+#: Standard deviations beyond which chance adds nothing to a current.
+CUT_OFF = 4.0
 
 
 class Frames(NamedTuple):
@@ -59,6 +63,18 @@ class Frames(NamedTuple):
         return float(np.linalg.norm(self.velocity_m_per_s, axis=-1).max())
 
 
+class Wander(NamedTuple):
+    """What chance adds to either component of a current, the same in all cells."""
+
+    sigma_m_per_s: float  # its standard deviation in the long run
+    persistence: float  # ρ, the share of it that the next slot keeps
+
+    @property
+    def most_m_per_s(self) -> float:
+        """Where either component is cut off."""
+        return CUT_OFF * self.sigma_m_per_s
+
+
 class CurrentField:
     """The current in a world: what AUVs move in.
 
@@ -85,6 +101,14 @@ class CurrentField:
         table[:, codes] = frames.velocity_m_per_s
         self._velocity = [backend.floats(table[..., axis].reshape(-1)) for axis in (0, 1)]
         self._is_steady = frames.is_steady
+        self._columns, wander = 0, scenario.current.part.wander(scenario)
+        if wander is not None:
+            self._columns = 2
+            self._persistence = backend.floats(wander.persistence)
+            innovation = np.sqrt(1 - wander.persistence**2) * wander.sigma_m_per_s
+            self._innovation = backend.floats(innovation)
+            self._limits = [backend.floats(sign * wander.most_m_per_s) for sign in (-1, 1)]
+        self._backend = backend
         if not self._is_steady:
             # What is seen after the last slot is seen of it.
             last = np.minimum(np.arange(scenario.num_slots + 1), scenario.num_slots - 1)
@@ -92,7 +116,7 @@ class CurrentField:
             self._weight = backend.floats(frames.weight[last])
         steps = np.array(scenario.auvs.motion.part.steps)
         pace = Pace.from_scenario(scenario)
-        self.strongest_m_per_s = frames.strongest_m_per_s()
+        self.strongest_m_per_s = scenario.current.part.strongest_m_per_s(scenario)
         fastest = float(grid.metres(steps * pace.cells[:, None]).max()) / scenario.slot_s
         self.fastest_m_per_s = fastest + self.strongest_m_per_s
         slots_s = (pace.by_offset(grid, steps) * scenario.slot_s)[:, None]
@@ -100,11 +124,31 @@ class CurrentField:
         self._over_ground = [backend.floats(over_ground[:, axis]) for axis in (0, 1)]
         self._vertical_squared = backend.floats(over_ground[:, 2] ** 2)
 
-    def at(self, slot: Array, cell: Array) -> tuple[Array, Array]:
-        """The current along x and y in m/s, (envs, auvs) each, of (envs,) slots and codes of cells.
+    def first(self, num_envs: int) -> Array:
+        """What chance adds when an episode begins: nothing, (envs, 2), or (envs, 0) where never."""
+        return self._backend.zeros((num_envs, self._columns))
 
-        After the last slot it is that of the last.
+    def after(self, state: State, chance: Chance | None) -> Array:
+        """What chance adds in the slot that comes next, alike."""
+        wander = state.wander_m_per_s
+        if not self._columns:
+            return wander
+        assert chance is not None  # or `World.step` has refused it
+        wander = self._persistence * wander + self._innovation * chance.current
+        low, high = self._limits
+        return self._xp.minimum(self._xp.maximum(wander, low), high)
+
+    def at(self, state: State) -> tuple[Array, Array]:
+        """The current along x and y in m/s, (envs, auvs) each, in the slot that begins.
+
+        After the last slot it is that of the last, but for what chance adds.
         """
+        x, y = self._by_tables(state.slot, state.cell)
+        if self._columns:
+            x, y = x + state.wander_m_per_s[:, :1], y + state.wander_m_per_s[:, 1:]
+        return x, y
+
+    def _by_tables(self, slot: Array, cell: Array) -> tuple[Array, Array]:
         xp = self._xp
         if self._is_steady:
             x, y = (lookup(xp, table, cell) for table in self._velocity)

@@ -66,6 +66,9 @@ class State(NamedTuple):
     # Moves that are not over; no columns where none takes longer than a slot.
     transit_slots: Array  # (envs, auvs) int: slots until the move ends; 0 for nobody under way
     course: Array  # (envs, auvs) int: its direction, or the one that was named last
+    # (envs, 2) float, m/s along x and y: what chance adds to the current in the slot that begins;
+    # no columns where it adds nothing
+    wander_m_per_s: Array
     # What users' metrics add up; no columns where there are none.
     sums: Array  # (envs, metrics) float: each summed over the slots so far
 

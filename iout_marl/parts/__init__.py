@@ -23,7 +23,7 @@ from iout_marl.parts.access import Access, Request, Uplinks, access_rules
 from iout_marl.parts.base import Context, Part, at_work
 from iout_marl.parts.beta_rule import BetaRule, beta_rules
 from iout_marl.parts.channel import Channel, channels
-from iout_marl.parts.current import Current, Frames, currents
+from iout_marl.parts.current import Current, Frames, Wander, currents
 from iout_marl.parts.duplex import Duplex, duplexes
 from iout_marl.parts.entry import Entry, entries
 from iout_marl.parts.harvester import Harvester, harvesters
@@ -90,6 +90,7 @@ __all__ = [
     "Uplink",
     "Uplinks",
     "Vehicle",
+    "Wander",
     "absorptions",
     "access_rules",
     "at_work",

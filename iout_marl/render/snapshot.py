@@ -228,7 +228,7 @@ def currents_at(world: World, state: State, env: int) -> Floats | None:
     """
     if world.current is None:
         return None
-    x, y = world.current.at(state.slot, state.cell)
+    x, y = world.current.at(state)
     return np.stack([x[env], y[env]], axis=-1).astype(np.float64)
 
 

@@ -257,10 +257,10 @@ def check_current(part: Any, scenario: Scenario, seeds: Sequence[int]) -> None:
     """Nobody is carried where none flows; AUVs move by what they do in still water, or drift."""
     world, still = World(scenario, len(seeds)), not part.flows
     assert (world.current is None) == still, "flows is not what the world makes of it"
-    state = first_state(world, seeds)
+    state, chance = first_state(world, seeds), chance_for(world, seeds)
     for slot, action in enumerate(actions_for(world, seeds[0]) if part.flows else ()):
         before = state
-        state, _ = world.step(before, action)
+        state, _ = world.step(before, action, next(chance))
         reachable = world.manoeuvre.reachable(before)
         found = (reachable == state.cell[..., None]).any(axis=-1)
         assert found.all(), f"slot {slot} by seeds {seeds}: an AUV is where it could not come to"

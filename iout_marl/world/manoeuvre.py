@@ -50,7 +50,7 @@ class Manoeuvre:
         self, current: CurrentField, state: State, direction: Array, stranded: Array | None
     ) -> Moved:
         xp, motion, vehicle, cell = self._xp, self._motion, self._vehicle, state.cell
-        flow, target = current.at(state.slot, cell), motion.targets(state, direction)
+        flow, target = current.at(state), motion.targets(state, direction)
         hold_speed = current.speed_to_hold(flow)
         move_speed = current.speed_to_move(flow, cell, target)
         holds, goes = vehicle.is_fast_enough(hold_speed), vehicle.is_fast_enough(move_speed)
@@ -85,7 +85,7 @@ class Manoeuvre:
         if self._current is None:
             return None
         current, cell = self._current, state.cell
-        flow, heading = current.at(state.slot, cell), self._motion.neighbours(cell)
+        flow, heading = current.at(state), self._motion.neighbours(cell)
         return self._vehicle.is_fast_enough(current.speed_to_move(flow, cell, heading))
 
     def open(self, state: State) -> Array:
@@ -102,7 +102,7 @@ class Manoeuvre:
         cells = self._motion.reachable(state)
         if self._current is None:
             return cells
-        where_to = self._where_to(self._current.at(state.slot, state.cell))
+        where_to = self._where_to(self._current.at(state))
         drifted = self._motion.drifted(state.cell, where_to)
         return self._xp.concat([cells, state.cell[..., None], drifted[..., None]], axis=-1)
 

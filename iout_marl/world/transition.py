@@ -52,7 +52,7 @@ class Transition:
         nowhere = backend.zeros((world.num_envs, world.num_nodes))
         self._maximum_age = nowhere + float(world.scenario.age.maximum)
 
-    def __call__(self, state: State, action: Array, chance: Chance | None) -> tuple[State, Events]:  # noqa: ARG002
+    def __call__(self, state: State, action: Array, chance: Chance | None) -> tuple[State, Events]:
         """See `World.step`."""
         world = self._world
         xp, link, nodes = world.backend.xp, world.link, world.nodes
@@ -139,6 +139,9 @@ class Transition:
             polled=state.polled if polled is None else state.polled + polled.packets,
             transit_slots=moved.transit_slots,
             course=moved.course,
+            wander_m_per_s=state.wander_m_per_s
+            if world.current is None
+            else world.current.after(state, chance),
             sums=state.sums,
             **stores,
             **vehicle,

@@ -225,6 +225,9 @@ class World:
             unasked=backend.zeros((self.num_envs, int(self.may_be_idle))),
             polled=backend.zeros((self.num_envs, int(self.hearing.polls))),
             **self.motion.first(self.num_envs),
+            wander_m_per_s=backend.zeros((self.num_envs, 0))
+            if self.current is None
+            else self.current.first(self.num_envs),
             sums=backend.zeros((self.num_envs, len(self.summed))),
         )
 

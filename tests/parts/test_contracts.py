@@ -44,6 +44,14 @@ SETTINGS = {
     ],
     ("current", "shear"): [{"speed_m_per_s": 4.0, "toward_deg": 90.0, "depth_scale_m": 80.0}],
     ("current", "tide"): [{"speed_m_per_s": 4.9, "toward_deg": 120.0, "period_h": 0.1}],
+    ("current", "gauss_markov"): [
+        {
+            "speed_m_per_s": 2.0,
+            "toward_deg": 10.0,
+            "sigma_m_per_s": 0.9,
+            "time_constant_h": 0.02,
+        },
+    ],
     ("current", "file"): [{"file": WIDE, "start_h": 0.5}, {"file": WIDE, "repeats": True}],
     ("current", "vortex"): [
         {"circulation_m2_per_s": 2000.0, "core_radius_m": 60.0, "center_m": [100.0, 100.0]}

@@ -76,6 +76,12 @@ WHOLE = [
                 "center_m": [150.0, 250.0],
             },
             {"kind": "double_gyre", "amplitude_m_per_s": 0.5},
+            {
+                "kind": "gauss_markov",
+                "speed_m_per_s": 0.5,
+                "toward_deg": 90.0,
+                "sigma_m_per_s": 0.1,
+            },
             {"kind": "file", "file": WIDE},
         )
     ),

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import torch
 from batteries import BATTERY
+from oracle import Oracle
 
 from iout_marl import InputError, World, evaluate, iout_v0, load_scenario, parts
 from iout_marl.bounds import bound
@@ -131,8 +132,8 @@ def test_a_tide_turns_within_its_period():
     assert fields[:, 1] == pytest.approx(0)
     world = make(tide)
     state = world.reset()._replace(slot=np.array([world.num_slots]))
-    last = world.current.at(state.slot - 1, state.cell)
-    assert world.current.at(state.slot, state.cell) == last
+    last = world.current.at(state._replace(slot=state.slot - 1))
+    assert world.current.at(state) == last
 
 
 def test_shear_falls_off_with_the_depth_below_the_surface():
@@ -327,6 +328,87 @@ def test_torch_in_single_precision_stays_near():
         other, _ = theirs.step(other, torch.as_tensor(action))
     assert np.array_equal(other.cell.numpy(), state.cell)
     assert np.allclose(other.propulsion_j.numpy(), state.propulsion_j, rtol=1e-4)
+
+
+# What wanders by chance.
+
+WANDERING = {
+    "kind": "gauss_markov",
+    "speed_m_per_s": 2.5,
+    "toward_deg": 20.0,
+    "sigma_m_per_s": 0.8,
+    "time_constant_h": 0.05,
+}
+
+
+def test_a_current_that_wanders_is_that_of_the_oracle():
+    motor = {**MOTOR, "max_speed_m_per_s": 4.1}
+    world = make(
+        {**WANDERING, "speed_m_per_s": 3.3}, 3, motor, **{"observation.entries": ["current"]}
+    )
+    scenario, state, chance = world.scenario, world.reset(seed=0), world.draw_chance(5)
+    oracles = [Oracle(scenario, scenario.nodes.cells[: scenario.num_nodes]) for _ in range(3)]
+    rng, drifted = np.random.default_rng(0), 0
+    for drawn, _ in zip(chance, range(world.num_slots), strict=False):
+        action = np.stack([rng.integers(0, n, (3, 1)) for n in world.action_sizes], -1)
+        state, _ = world.step(state, action, drawn)
+        for env, oracle in enumerate(oracles):
+            oracle.step(action[env].tolist())
+            oracle.water.change(drawn.current[env].tolist())
+            drifted += len(oracle.water.drifting)
+            cell = world.grid.coordinate_table()[state.cell[env, 0]] + 1
+            assert tuple(cell.tolist()) == oracle.auv_cells[0]
+            assert state.battery_j[env] == pytest.approx(oracle.vehicles.battery_j, rel=1e-6)
+        seen = [oracle.observe() for oracle in oracles]
+        assert np.allclose(world.observe(state), seen, rtol=1e-6, atol=1e-6)
+    assert drifted > 0
+
+
+def test_a_current_that_wanders_has_its_standard_deviation_and_forgets():
+    still = {**WANDERING, "speed_m_per_s": 0.0}
+    world = make(still, 400, **{"episode.duration_s": 6000})
+    state, chance, found = world.reset(seed=0), world.draw_chance(1), []
+    for _ in range(world.num_slots):
+        action = np.zeros((400, 1, 3), dtype=np.int64)
+        state, _ = world.step(state, action, next(chance))
+        found.append(state.wander_m_per_s)
+    added = np.array(found)[40:]
+    assert added.std() == pytest.approx(0.8, rel=0.02)
+    assert np.abs(added).max() <= 3.2
+    persistence = np.exp(-world.link.slot_s / 180)
+    correlation = np.corrcoef(added[1:].ravel(), added[:-1].ravel())[0, 1]
+    assert correlation == pytest.approx(persistence, abs=0.01)
+
+
+def test_without_deviation_it_is_uniform():
+    calm = {**WANDERING, "sigma_m_per_s": 0.0}
+    world, plain = make(calm, 2), make(uniform(2.5, 20.0), 2)
+    state, other, rng = world.reset(seed=0), plain.reset(seed=0), np.random.default_rng(0)
+    for _, drawn in zip(range(40), world.draw_chance(0), strict=False):
+        action = np.stack([rng.integers(0, n, (2, 1)) for n in world.action_sizes], -1)
+        state, other = world.step(state, action, drawn)[0], plain.step(other, action)[0]
+        assert np.array_equal(state.battery_j, other.battery_j)
+        assert np.array_equal(state.cell, other.cell)
+
+
+def test_a_training_goes_on_with_what_chance_has_added(tiny):
+    scenario = tiny({"vehicle": MOTOR, "current": WANDERING, "training.rollout_slots": 5})
+    trainer = Trainer(scenario)
+    trainer.iterate()
+    saved = trainer.collector.state_dict()
+    other = Trainer(scenario)
+    other.collector.load_state_dict([saved])
+    ours, theirs = (each.collector.state.wander_m_per_s for each in (trainer, other))
+    assert np.array_equal(ours, theirs)
+    assert np.abs(ours).max() > 0
+    saved = Trainer(tiny({"vehicle": MOTOR})).collector.state_dict()
+    assert "wander_m_per_s" not in saved["state"]
+
+
+@pytest.mark.parametrize("policy", ["tour", "return"])
+def test_policies_play_where_it_wanders(tiny, policy):
+    found = evaluate(tiny({"vehicle": MOTOR, "current": WANDERING}), policy, 1)
+    assert found.metrics["uplink_success"].mean > 0
 
 
 # What is refused.

@@ -9,7 +9,9 @@ from iout_marl.registry import registries
 from iout_marl.scenario.parts import parts_in
 
 #: By role and kind: why it has none.
-WITHOUT: dict[tuple[str, str], str] = {}
+WITHOUT: dict[tuple[str, str], str] = {
+    ("current", "gauss_markov"): "plays beside the oracle in test_currents, by numbers drawn",
+}
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from iout_marl.core.current import MAX_SLOTS, MAX_VELOCITIES, Frames
+from iout_marl.core.current import MAX_SLOTS, MAX_VELOCITIES, Frames, Wander
 from iout_marl.core.grid import Floats, Grid
 from iout_marl.core.pace import Pace
 from iout_marl.parts.base import Part
@@ -47,6 +47,16 @@ class Current(Part):
         """The velocities, see `Frames`."""
         raise NotImplementedError
 
+    def wander(self, scenario: Scenario) -> Wander | None:  # noqa: ARG002
+        """What chance adds to it, by the normal numbers that it `draws`; None for nothing."""
+        return None
+
+    def strongest_m_per_s(self, scenario: Scenario) -> float:
+        """A speed that the current exceeds in no cell and no slot."""
+        wander = self.wander(scenario)
+        added = 0.0 if wander is None else wander.most_m_per_s * 2**0.5
+        return self.frames(scenario).strongest_m_per_s() + added
+
     def check(self, scenario: Scenario) -> None:
         if not self.flows:
             return
@@ -69,6 +79,8 @@ class Current(Part):
         if limit is None:
             return
         cells, starts = Grid.from_scenario(scenario).all_coordinates(), scenario.starts()
+        if self.wander(scenario) is not None:
+            return  # it may be weaker at any time
         # What keeps its depth can be carried anywhere else.
         stays_deep = not scenario.auvs.motion.part.axes_moved[2]
         within = np.isin(cells[:, 2], starts[:, 2]) if stays_deep else np.ones(len(cells), bool)
@@ -148,7 +160,7 @@ class Current(Part):
         limit = scenario.vehicle.part.max_speed_m_per_s
         if scenario.vehicle.part.is_limited or limit is None:
             return True
-        return self.frames(scenario).strongest_m_per_s() > limit
+        return self.strongest_m_per_s(scenario) > limit
 
 
 currents: Registry[type[Current]] = Registry("current", Current)

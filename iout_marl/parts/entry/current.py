@@ -40,6 +40,6 @@ class Current(Entry):
 
     def __call__(self, state: State) -> Array:
         assert self.world.current is not None
-        velocity = self.world.current.at(state.slot, state.cell)
+        velocity = self.world.current.at(state)
         along = [(each * self._per_unit)[..., None] for each in velocity]
         return self.xp.concat(along, axis=-1)
