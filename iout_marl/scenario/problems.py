@@ -187,8 +187,11 @@ def _without_tags(location: tuple[str | int, ...], data: Any) -> KeyPath:
     That is the kind of a part, or a word in parentheses.
     """
     path: list[str | int] = []
+    kind_is_over = False
     for key in location:
-        if isinstance(data, dict) and key not in data and data.get("kind") == key:
+        # Once: a kind may have a key of its own name.
+        if isinstance(data, dict) and data.get("kind") == key and not kind_is_over:
+            kind_is_over = True
             continue
         # A part named by its kind alone.
         if isinstance(data, str) and data == key:
@@ -196,6 +199,7 @@ def _without_tags(location: tuple[str | int, ...], data: Any) -> KeyPath:
         if isinstance(key, str) and key.startswith("("):
             continue
         path.append(key)
+        kind_is_over = False
         if isinstance(data, dict):
             data = data.get(str(key))
         elif isinstance(data, list) and isinstance(key, int) and key < len(data):

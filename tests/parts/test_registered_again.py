@@ -30,7 +30,7 @@ from iout_marl.report.markdown import render_markdown
 from iout_marl.study import expand, load_study, run_study
 from iout_marl.study.run import StudyFolder
 from iout_marl.testing.parts import ALONE, SMALL, TEAM
-from iout_marl.testing.recorded import actions_for, episode, first_state
+from iout_marl.testing.recorded import actions_for, chance_for, episode, first_state
 from iout_marl.world import World
 
 pytestmark = pytest.mark.slow
@@ -186,11 +186,12 @@ def played(scenario):
     world = World(scenario, 2)
     start = first_state(world, [0, 1])
     actions = actions_for(world, 0)
-    slots = [dict(slot.values) for slot in episode(world, start, actions)]
-    state, masks = start, []
+    chance = chance_for(world, [0, 1])
+    slots = [dict(slot.values) for slot in episode(world, start, actions, chance=chance)]
+    state, masks, chance = start, [], chance_for(world, [0, 1])
     for action in actions:
         masks.append(world.action_mask(state))
-        state, events = world.step(state, action)
+        state, events = world.step(state, action, next(chance))
     snapshot = Snapshot.from_world(world, state, events)
     observer = world.observer
     ranges = [[r.low, r.high, r.scale] for r in (observer.agent_ranges, observer.state_ranges)]
@@ -201,9 +202,9 @@ def played(scenario):
 def drawn(scenario):
     """A picture, which is made of a snapshot alone."""
     world = World(scenario)
-    return as_picture(
-        Snapshot.from_world(world, *world.step(first_state(world, [0]), actions_for(world, 0)[0]))
-    )
+    first, action = first_state(world, [0]), actions_for(world, 0)[0]
+    after = world.step(first, action, next(chance_for(world, [0])))
+    return as_picture(Snapshot.from_world(world, *after))
 
 
 @every_pair_of_a_world

@@ -1,6 +1,7 @@
 """Bad input is answered by one line: file, line, key, and what was meant."""
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -495,3 +496,13 @@ def test_bad_override_by_mapping():
 @pytest.mark.parametrize("overrides", [3, b"age.maximum=3", [3], [("age.maximum", 3)], 2.5])
 def test_overrides_that_are_none(overrides):
     assert "must be " in message("paper/k3-fdd", overrides)
+
+
+def test_a_key_that_is_called_as_its_kind_is_named():
+    for given, expected in (
+        ({"kind": "file"}, "current.file: is missing"),
+        ({"kind": "file", "file": 3}, "current.file: must be the path of a file"),
+        ({"kind": "file", "start_h": 1.0}, "current.file: is missing"),
+    ):
+        with pytest.raises(InputError, match=re.escape(expected)):
+            load_scenario("paper/k3-fdd", {"current": given})
