@@ -116,7 +116,7 @@ class CurrentField:
             self._weight = backend.floats(frames.weight[last])
         steps = np.array(scenario.auvs.motion.part.steps)
         pace = Pace.from_scenario(scenario)
-        self.strongest_m_per_s = scenario.current.part.strongest_m_per_s(scenario)
+        self.strongest_m_per_s = scenario.current.part.strongest_m_per_s(scenario, frames)
         fastest = float(grid.metres(steps * pace.cells[:, None]).max()) / scenario.slot_s
         self.fastest_m_per_s = fastest + self.strongest_m_per_s
         slots_s = (pace.by_offset(grid, steps) * scenario.slot_s)[:, None]

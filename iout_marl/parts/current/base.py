@@ -51,11 +51,11 @@ class Current(Part):
         """What chance adds to it, by the normal numbers that it `draws`; None for nothing."""
         return None
 
-    def strongest_m_per_s(self, scenario: Scenario) -> float:
-        """A speed that the current exceeds in no cell and no slot."""
+    def strongest_m_per_s(self, scenario: Scenario, frames: Frames) -> float:
+        """A speed that the current exceeds in no cell and no slot; `frames` are its own."""
         wander = self.wander(scenario)
         added = 0.0 if wander is None else wander.most_m_per_s * 2**0.5
-        return self.frames(scenario).strongest_m_per_s() + added
+        return frames.strongest_m_per_s() + added
 
     def check(self, scenario: Scenario) -> None:
         if not self.flows:
@@ -160,7 +160,7 @@ class Current(Part):
         limit = scenario.vehicle.part.max_speed_m_per_s
         if scenario.vehicle.part.is_limited or limit is None:
             return True
-        return self.strongest_m_per_s(scenario) > limit
+        return self.strongest_m_per_s(scenario, self.frames(scenario)) > limit
 
 
 currents: Registry[type[Current]] = Registry("current", Current)
