@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from iout_marl import metrics
+from iout_marl import metrics, parts
 from iout_marl.study.schema import load_study
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -57,7 +57,10 @@ def test_functions_that_the_model_names_are_there():
     page = (DOCS / "model.md").read_text(encoding="utf-8")
     names = set(re.findall(r"`(?:iout_marl\.physics\.)?([a-z]+(?:_[a-z0-9]+)+)`", page))
     known = (
-        set(dir(MODEL.physics)) | {"mean_age"} | {metric.name for metric in metrics.registered()}
+        set(dir(MODEL.physics))
+        | {"mean_age"}
+        | {metric.name for metric in metrics.registered()}
+        | set(parts.currents.kinds)
     )
     assert "harvested_power_w" in names
     assert names <= known, names - known
