@@ -25,8 +25,10 @@ from iout_marl.parts.beta_rule import BetaRule, beta_rules
 from iout_marl.parts.channel import Channel, channels
 from iout_marl.parts.duplex import Duplex, duplexes
 from iout_marl.parts.entry import Entry, entries
+from iout_marl.parts.fading import Fading, fadings
 from iout_marl.parts.harvester import Harvester, harvesters
 from iout_marl.parts.hearing import Call, Heard, Hearing, hearings
+from iout_marl.parts.loss import Loss, losses
 from iout_marl.parts.motion import Motion, motions
 from iout_marl.parts.network import Network, NetworkSizes, networks
 from iout_marl.parts.observation import Representation, representations
@@ -37,6 +39,7 @@ from iout_marl.parts.storage import Rest, Storage, storages
 from iout_marl.parts.transmission import Transmission, transmissions
 from iout_marl.parts.uplink import Uplink, uplinks
 from iout_marl.parts.vehicle import Vehicle, vehicles
+from iout_marl.parts.wind import Blowing, Wind, winds
 from iout_marl.scenario.data_files import DataFile
 from iout_marl.scenario.data_readers import read_arrays
 from iout_marl.scenario.fields import (
@@ -54,6 +57,7 @@ __all__ = [
     "Absorption",
     "Access",
     "BetaRule",
+    "Blowing",
     "Call",
     "Channel",
     "Context",
@@ -62,10 +66,12 @@ __all__ = [
     "Decibels",
     "Duplex",
     "Entry",
+    "Fading",
     "Fraction",
     "Harvester",
     "Heard",
     "Hearing",
+    "Loss",
     "Motion",
     "Network",
     "NetworkSizes",
@@ -87,6 +93,7 @@ __all__ = [
     "Uplink",
     "Uplinks",
     "Vehicle",
+    "Wind",
     "absorptions",
     "access_rules",
     "at_work",
@@ -94,9 +101,11 @@ __all__ = [
     "channels",
     "duplexes",
     "entries",
+    "fadings",
     "harvesters",
     "hearings",
     "invalid",
+    "losses",
     "motions",
     "networks",
     "optimizers",
@@ -108,6 +117,7 @@ __all__ = [
     "transmissions",
     "uplinks",
     "vehicles",
+    "winds",
 ]
 
 # Whatever lies in the folder of a role registers itself; so do the trainer's own parts.

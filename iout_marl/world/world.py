@@ -44,6 +44,7 @@ from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
 from iout_marl.world.outcomes import Outcomes, outcomes, polled_outcomes
 from iout_marl.world.placement import node_codes
+from iout_marl.world.reception import Reception, may_differ, nothing
 from iout_marl.world.transition import Transition
 from iout_marl.world.watch import check_first_slot
 
@@ -76,6 +77,8 @@ class World:
         summed: those of them that each slot adds to, in the order of `State.sums`.
         num_envs, num_auvs, num_nodes, num_slots: sizes of the batch, of the fleet, of the
             network, of an episode.
+        reception: gains, noise and losses; None where nothing differs from slot to slot.
+        fades: whether levels of links change from slot to slot.
         may_be_idle: whether an AUV may charge and hear nobody, which is K: by choice
             (`auvs.idle_choices`), or for want of energy.
         chance: what a slot draws of each environment, by field of `Chance`; empty where the
@@ -149,6 +152,8 @@ class World:
         self.duplex: Duplex = at_work(scenario.duplex, context)
         self.access: Access = at_work(scenario.channel.access, context)
         self.hearing: Hearing = at_work(scenario.hearing, context)
+        self.reception = Reception(scenario, context) if may_differ(scenario) else None
+        self.fades = self.reception is not None and self.reception.fades
         self.reward_part: Reward = at_work(scenario.reward, context)
         self.observer = Observer(scenario, context)
         self.action_mask = ActionMask(scenario, context, self.motion, self.storage, self.vehicle)
@@ -216,8 +221,14 @@ class World:
             unasked=backend.zeros((self.num_envs, int(self.may_be_idle))),
             polled=backend.zeros((self.num_envs, int(self.hearing.polls))),
             **self.motion.first(self.num_envs),
+            **self._first_of_sea(),
             sums=backend.zeros((self.num_envs, len(self.summed))),
         )
+
+    def _first_of_sea(self) -> dict[str, Array]:
+        if self.reception is None:
+            return nothing(self.backend, self.num_envs, self.num_auvs)
+        return self.reception.first(self.num_envs)
 
     def _drawn(self, seed: int | None) -> npt.NDArray[np.int64]:
         return node_codes(self.scenario, self.grid, self._streams(seed))
