@@ -106,7 +106,8 @@ class Events(NamedTuple):
     # Of the packet of the node heard, and of those of nodes polled beside; no columns where none
     # may get lost on its way.
     lost: Array  # (envs, auvs, 1 + rounds) bool: it was sent, and got lost
-    excess_db: Array  # (envs, auvs, 1 + rounds) float, dB: SNR on arrival, less what is required
+    # (envs, auvs, 1 + rounds) float, dB: SNR on arrival, less what is required; 0 where none is sent
+    excess_db: Array
 
     @property
     def payable_j(self) -> Array:

@@ -42,7 +42,7 @@ class Judged(NamedTuple):
     delivered: Array  # bool; of what is expected, whether more than half of such packets arrive
     share: Array | None  # the share that is expected to arrive; None where it is drawn
     lost: Array  # bool: sent and not drowned by others, but lost
-    excess_db: Array  # signal over noise on arrival, less what is required, in dB
+    excess_db: Array  # signal over noise on arrival, less what is required, in dB; 0 of none
 
 
 class Received(NamedTuple):
@@ -161,6 +161,8 @@ class Reception:
         share = None
         if not (is_drawn or self._is_certain):
             share = xp.where(arrives, 1 - error_rate, self._nothing)
+        # Of packets that there are not, it must not depend on who nobody stands for.
+        excess_db = xp.where(arrives, excess_db, self._nothing)
         return Judged(delivered, share, arrives & ~delivered, excess_db)
 
     def received(

@@ -59,7 +59,7 @@ class Transition:
         nowhere = backend.zeros((world.num_envs, world.num_nodes))
         self._maximum_age = nowhere + float(world.scenario.age.maximum)
 
-    def __call__(self, state: State, action: Array, chance: Chance | None) -> tuple[State, Events]:  # noqa: ARG002
+    def __call__(self, state: State, action: Array, chance: Chance | None) -> tuple[State, Events]:
         """See `World.step`."""
         world = self._world
         xp, link, nodes = world.backend.xp, world.link, world.nodes

@@ -31,6 +31,17 @@ class Fading(Part):
         """Beyond which gain a harvest rises no further, in dB, above 0."""
         return 0.0
 
+    def what_it_adds(self, scenario: Scenario) -> str:  # noqa: ARG002
+        """What AUVs can do that they could not without it: one line, as of `Storage`.
+
+        Empty where it can only remove possibilities.
+        """
+        return f"fading {self.settings.kind!r} raises levels as well as it lowers them"
+
+    def can_only_remove(self, scenario: Scenario) -> bool:
+        """Whether all that AUVs can do they could do without it."""
+        return not self.what_it_adds(scenario)
+
     def draws(self, scenario: Scenario) -> dict[str, Draw]:
         if not self.is_active:
             return {}
