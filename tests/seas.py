@@ -41,3 +41,10 @@ ROUGH = {
 POLLED = {**ROUGH, "hearing": {"kind": "polling", "max_nodes_per_slot": 2}}
 TDD = {**ROUGH, "duplex": {"kind": "tdd", "beta_rule": "airtime"}}
 TWO = {"auvs.start_cells": [[1, 1, 1], [5, 4, 1]]}
+#: The same for scenarios that have a grid and nodes of their own.
+OF_ANY = {
+    "grid.spacing_m": 20,
+    "auvs.speed_m_per_s": 0.8,
+    **{key: ROUGH[key] for key in ("charging.power_w", "channel", "harvester", "uplink")},
+    "hearing": POLLED["hearing"],
+}

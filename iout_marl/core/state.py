@@ -106,7 +106,7 @@ class Events(NamedTuple):
     # Of the packet of the node heard, and of those of nodes polled beside; no columns where none
     # may get lost on its way.
     lost: Array  # (envs, auvs, 1 + rounds) bool: it was sent, and got lost
-    # (envs, auvs, 1 + rounds) float, dB: SNR on arrival, less what is required; 0 where none is sent
+    # (envs, auvs, 1 + rounds) float, dB: SNR on arrival, less what is required; 0 of none
     excess_db: Array
 
     @property
