@@ -62,6 +62,8 @@ class Reception:
 
     Attributes:
         fades, loses: whether levels of links change, and whether packets get lost.
+        fading: the fading part, at work.
+        wind: the wind part, at work; None where it is of no consequence.
     """
 
     def __init__(self, scenario: Scenario, context: Context) -> None:
@@ -71,11 +73,11 @@ class Reception:
         self._xp, self._link, self._nodes = backend.xp, context.link, context.nodes
         self.fades: bool = channel.fading.is_active
         self.loses: bool = uplink.loses
-        self._fading: Fading = at_work(channel.fading.settings, context)
-        self._wind: Wind | None = None
+        self.fading: Fading = at_work(channel.fading.settings, context)
+        self.wind: Wind | None = None
         if channel.wind.matters(scenario):
-            self._wind = at_work(channel.wind.settings, context)
-            self._noise_db = _noise_table(context, self._wind)
+            self.wind = at_work(channel.wind.settings, context)
+            self._noise_db = _noise_table(context, self.wind)
         if self.fades:
             self._level_db = backend.floats(-context.link.charging_loss_db)
             self._harvested_w = _harvest_table(backend, context, channel.fading.most_db)
@@ -106,10 +108,10 @@ class Reception:
         """Fields of the first state of an episode."""
         fields = {
             **nothing(self._backend, num_envs, self._num_auvs),
-            **self._fading.first(num_envs),
+            **self.fading.first(num_envs),
         }
-        if self._wind is not None:
-            fields |= self._wind.first(num_envs)
+        if self.wind is not None:
+            fields |= self.wind.first(num_envs)
         if self.loses:
             fields["packets"] = self._backend.zeros((num_envs, 3))
         return fields
@@ -117,10 +119,10 @@ class Reception:
     def conditions(self, state: State, chance: Chance) -> Conditions:
         """The conditions of a slot."""
         gust, noise_db = state.gust_m_per_s, None
-        if self._wind is not None:
-            speed, gust = self._wind.blowing(state, chance)
+        if self.wind is not None:
+            speed, gust = self.wind.blowing(state, chance)
             noise_db = self._noise_db.at(self._xp.sqrt(speed))
-        gain_db = self._fading.gain_db(state, chance) if self.fades else None
+        gain_db = self.fading.gain_db(state, chance) if self.fades else None
         return Conditions(gain_db, gust, noise_db, chance.arrival)
 
     def harvested_w(self, conditions: Conditions, node: Array, offset: Array) -> Array:

@@ -58,7 +58,7 @@ def test_shares_need_not_fall(tmp_path):
         ({"channel.fading": {**SHADOWING, "sigma_db": 0}}, "sigma_db: must be greater than 0"),
         ({"channel.fading": {**SHADOWING, "sigma_db": 30}}, "30 dB is implausible"),
         ({"channel.fading": "rician"}, "unknown kind 'rician'"),
-        ({"uplink.margin_db": -1}, "margin_db: must be 0 or more"),
+        ({"uplink.margin_db": -1}, "margin_db: must be greater than or equal to 0"),
         ({"uplink.loss": "treshold"}, "did you mean 'threshold'"),
     ],
 )
