@@ -118,9 +118,8 @@ def test_what_they_lack_is_told(registered, part, message):
 
 
 def test_what_they_say_decides(registered):
-    world = World(
-        load_scenario("paper/k3-fdd", {**registered(Coded), "channel.fading": "none"}), 500
-    )
+    still = {"channel.fading": "none", "channel.wind": "steady"}
+    world = World(load_scenario("paper/k3-fdd", {**registered(Coded), **still}), 500)
     state, chance = world.reset(), world.draw_chance(0)
     rich = state._replace(energy_j=state.energy_j + 50)
     lost = sent = 0
