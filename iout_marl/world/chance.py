@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from iout_marl.arrays.backend import Backend
 from iout_marl.core.chance import Chance, Draw, shape_of
+from iout_marl.errors import InputError
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.parts import parts_in
@@ -128,3 +129,33 @@ def completed(
             for name in Chance._fields
         )
     )
+
+
+def expected(backend: Backend, draws: dict[str, Draw], num_envs: int) -> Chance:
+    """What planners step by: all that is normal is 0, and nothing uniform is drawn."""
+    normal = {
+        name: backend.zeros(shape_of(name, draws, num_envs))
+        for name, draw in draws.items()
+        if draw.distribution == "normal"
+    }
+    return completed(normal, backend, {}, num_envs)
+
+
+def check_chance(chance: Any, draws: dict[str, Draw], num_envs: int) -> None:
+    """Refuse what is no chance of a slot of a world.
+
+    Args:
+        chance: what is given.
+        draws: what the world takes.
+        num_envs: its environments.
+
+    Raises:
+        InputError: it is something else, or of another shape.
+    """
+    if not isinstance(chance, Chance):
+        raise InputError(f"chance must be a Chance, not {type(chance).__name__}")
+    for name, draw in draws.items():
+        found, wanted = tuple(getattr(chance, name).shape), shape_of(name, draws, num_envs)
+        is_expected = draw.distribution == "uniform" and found[-1:] == (0,)
+        if found != wanted and not is_expected:
+            raise InputError(f"chance: {name} must have the shape {wanted}, not {found}")

@@ -26,8 +26,7 @@ class Polled:
         spent_j: (envs, nodes) J: energy that it has spent.
         reset_to: (envs, nodes) slots: its age if it has delivered, less the slot by which all grow.
         packets: (envs, 1) float: how many were sent.
-        judged: of each round, which packets others have not spoilt, and what became of them; empty
-            where none may get lost.
+        judged: of each round, what became of its packets; empty where none may get lost.
         share: (envs, nodes) float: with which share it is expected to have delivered to any; None
             where that is drawn.
     """
@@ -38,7 +37,7 @@ class Polled:
     spent_j: Array
     reset_to: Array
     packets: Array
-    judged: tuple[tuple[Array, Judged], ...] = ()
+    judged: tuple[Judged, ...] = ()
     share: Array | None = None
 
     @classmethod
@@ -65,7 +64,7 @@ class Polled:
         # An AUV goes on to the next node as if nothing had got lost: that is judged afterwards.
         judged = _judged(world, state, request, heard, conditions)
         if judged:
-            arrived = [packets.delivered[..., None] for _, packets in judged]
+            arrived = [packets.delivered[..., None] for packets in judged]
             heard = heard._replace(delivered=world.backend.xp.concat(arrived, axis=2))
         backend, nodes = world.backend, world.nodes
         xp = backend.xp
@@ -81,12 +80,13 @@ class Polled:
             spent_j = nodes.scatter_add(spent_j, place, taken_j)
             if world.sampling.is_continuous:
                 age = world.sampling.reset_to_s(heard.age_s[..., i])
-                came = delivered if not judged else judged[i][0]
+                # Of what is expected, the age is that of a packet that arrives.
+                came = delivered | judged[i].lost if judged else delivered
                 own = cast(xp, came, age.dtype) * age
                 reset_to = nodes.scatter_add(reset_to, place, own)
-            if judged and judged[i][1].share is not None:
+            if judged and judged[i].share is not None:
                 before = backend.zeros(available_j.shape) if share is None else share
-                share = nodes.scatter_add(before, place, judged[i][1].share)
+                share = nodes.scatter_add(before, place, judged[i].share)
         sent = cast(xp, heard.node < world.num_nodes, available_j.dtype)
         return cls(
             heard=heard,
@@ -126,7 +126,7 @@ def listen(
 
 def _judged(
     world: World, state: State, request: Request, heard: Heard, conditions: Conditions | None
-) -> tuple[tuple[Array, Judged], ...]:
+) -> tuple[Judged, ...]:
     """See `Polled.judged`."""
     reception = world.reception
     if reception is None or conditions is None or not reception.loses:
@@ -134,7 +134,8 @@ def _judged(
     found = []
     for i in range(world.hearing.rounds(world.num_nodes)):
         node, arrives = heard.node[..., i], heard.delivered[..., i]
+        sent = node < world.num_nodes
         node_cell = world.nodes.gather(state.node_cell, world.nodes.flat_index(node))
         offset = world.link.offset(request.cell, node_cell)
-        found.append((arrives, reception.judge(conditions, node, offset, arrives, 1 + i)))
+        found.append(reception.judge(conditions, node, offset, sent, arrives, 1 + i))
     return tuple(found)

@@ -39,6 +39,7 @@ class Conditions(NamedTuple):
 class Judged(NamedTuple):
     """What became of packets, one of each AUV at most: (envs, auvs) each."""
 
+    sent: Array  # bool
     delivered: Array  # bool; of what is expected, whether more than half of such packets arrive
     share: Array | None  # the share that is expected to arrive; None where it is drawn
     lost: Array  # bool: sent and not drowned by others, but lost
@@ -70,7 +71,7 @@ class Reception:
         channel, uplink = scenario.channel.part, scenario.uplink.part
         self._backend = backend = context.backend
         self._num_auvs = scenario.num_auvs
-        self._xp, self._link, self._nodes = backend.xp, context.link, context.nodes
+        self._xp, self._link = backend.xp, context.link
         self.fades: bool = channel.fading.is_active
         self.loses: bool = uplink.loses
         self.fading: Fading = at_work(channel.fading.settings, context)
@@ -140,14 +141,20 @@ class Reception:
         return self._harvested_w.at(level_db)
 
     def judge(
-        self, conditions: Conditions, node: Array, offset: Array, arrives: Array, number: int
+        self,
+        conditions: Conditions,
+        node: Array,
+        offset: Array,
+        sent: Array,
+        arrives: Array,
+        number: int,
     ) -> Judged:
         """Which packets arrive of those that others have not spoilt.
 
         Args:
             conditions: of the slot.
             node, offset: as of `harvested_w`, of the nodes heard.
-            arrives: (envs, auvs) bool: what the access part says.
+            sent, arrives: (envs, auvs) bool: which are sent, and which of them others let pass.
             number: which of the packets of each AUV it is, 0 for that of the node chosen.
         """
         xp = self._xp
@@ -165,7 +172,7 @@ class Reception:
             share = xp.where(arrives, 1 - error_rate, self._nothing)
         # Of packets that there are not, it must not depend on who nobody stands for.
         excess_db = xp.where(arrives, excess_db, self._nothing)
-        return Judged(delivered, share, arrives & ~delivered, excess_db)
+        return Judged(sent, delivered, share, arrives & ~delivered, excess_db)
 
     def received(
         self,
@@ -173,7 +180,7 @@ class Reception:
         request: Request,
         arrives: Array,
         spent_j: Array,
-        polled: Sequence[tuple[Array, Judged]] | None,
+        polled: Sequence[Judged],
     ) -> Received:
         """All packets of a slot.
 
@@ -181,33 +188,31 @@ class Reception:
             conditions: of the slot.
             request: for the nodes chosen.
             arrives, spent_j: what the access part says of them.
-            polled: of those polled beside, see `Polled.judged`; None where nobody polls.
+            polled: those of nodes polled beside, see `Polled.judged`.
         """
         xp = self._xp
-        chosen = self.judge(conditions, request.heard, request.offset, arrives, 0)
-        packets = [(arrives, chosen), *(polled or ())]
-        counts = self._counts(chosen, arrives | (spent_j > self._nothing), arrives)
-        for came, judged in polled or ():
-            counts = counts + self._counts(judged, came, came)
+        sent = arrives | (spent_j > self._nothing)
+        chosen = self.judge(conditions, request.heard, request.offset, sent, arrives, 0)
+        counts = self._counts(chosen)
+        for judged in polled:
+            counts = counts + self._counts(judged)
         columns = {
-            name: xp.concat([getattr(each, name)[..., None] for _, each in packets], axis=2)
+            name: xp.concat(
+                [getattr(judged, name)[..., None] for judged in (chosen, *polled)], axis=2
+            )
             for name in ("lost", "excess_db")
         }
         return Received(chosen, counts, columns)
 
-    def _counts(self, judged: Judged, sent: Array, arrives: Array) -> Array:
-        """Packets sent, lost for want of level, and lost by bit errors: (envs, 3).
-
-        Args:
-            judged: the packets.
-            sent: (envs, auvs) bool: which were sent.
-            arrives: as of `judge`.
-        """
+    def _counts(self, judged: Judged) -> Array:
+        """Packets sent, lost for want of level, and lost by bit errors: (envs, 3)."""
         xp, dtype = self._xp, judged.excess_db.dtype
-        came = cast(xp, judged.delivered, dtype) if judged.share is None else judged.share
-        lost = cast(xp, arrives, dtype) - came
-        weak = xp.where(judged.excess_db < self._weak_db, lost, self._nothing)
-        each = (cast(xp, sent, dtype), weak, lost - weak)
+        if judged.share is None:
+            lost = cast(xp, judged.lost, dtype)
+        else:
+            lost = cast(xp, judged.delivered | judged.lost, dtype) - judged.share
+        weak = xp.where(self.is_weak(judged.excess_db), lost, self._nothing)
+        each = (cast(xp, judged.sent, dtype), weak, lost - weak)
         return xp.concat([xp.sum(values, axis=1)[:, None] for values in each], axis=1)
 
     def is_weak(self, excess_db: Array) -> Array:

@@ -120,7 +120,7 @@ class Transition:
         received: Received | None = None
         if reception is not None and reception.loses:
             assert conditions is not None
-            of_polled = None if polled is None else polled.judged
+            of_polled = () if polled is None else polled.judged
             received = reception.received(conditions, request, delivered, spent_j, of_polled)
             delivered = received.chosen.delivered
         # At the root of the energy balance rounding may ask for more than there is.

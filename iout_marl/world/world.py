@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from iout_marl.arrays.backend import Backend
 from iout_marl.arrays.nodes import NodeAxis
-from iout_marl.core.chance import Chance, shape_of
+from iout_marl.core.chance import Chance
 from iout_marl.core.credit import Credit
 from iout_marl.core.grid import Grid
 from iout_marl.core.limits import MOST_ENVS, check_scenario
@@ -38,7 +38,7 @@ from iout_marl.scenario import AnyScenario, Overrides, load_scenario
 from iout_marl.scenario.parts import outside_parts
 from iout_marl.whole import MAX_SEED, whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
-from iout_marl.world.chance import ChanceStream, completed, draws_of
+from iout_marl.world.chance import ChanceStream, check_chance, draws_of, expected
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
@@ -168,7 +168,7 @@ class World:
         self._check_layout = LayoutCheck((num_envs, self.num_nodes), self.grid)
         self._check_action = ActionCheck(num_envs, self.num_auvs, self.action_sizes)
         self.chance = draws_of(scenario)
-        self.expected = self._expected() if self.chance else None
+        self.expected = expected(backend, self.chance, num_envs) if self.chance else None
         self.transition = Transition(self)
         self._check_parts(library, dtype, device)
 
@@ -252,14 +252,6 @@ class World:
         stream = ChanceStream(self.scenario, self._streams(seed))
         return (chance and chance.map(self.backend.floats) for chance in stream)
 
-    def _expected(self) -> Chance:
-        normal = {
-            name: self.backend.zeros(shape_of(name, self.chance, self.num_envs))
-            for name, draw in self.chance.items()
-            if draw.distribution == "normal"
-        }
-        return completed(normal, self.backend, {}, self.num_envs)
-
     def step(
         self, state: State, action: Array, chance: Chance | None = None
     ) -> tuple[State, Events]:
@@ -326,17 +318,8 @@ class World:
         if int(self.backend.xp.max(state.slot)) >= self.num_slots:
             raise RuntimeError(f"the episode is over, after {self.num_slots} slots: reset first")
         if chance is not None:
-            self._check_chance(chance)
+            check_chance(chance, self.chance, self.num_envs)
         return self.step(state, self.backend.integers(self._check_action(action)), chance)
-
-    def _check_chance(self, chance: Chance) -> None:
-        if not isinstance(chance, Chance):
-            raise InputError(f"chance must be a Chance, not {type(chance).__name__}")
-        for name, draw in self.chance.items():
-            found, expected = getattr(chance, name).shape, (self.num_envs, *draw.shape)
-            is_expected = draw.distribution == "uniform" and found[-1] == 0
-            if tuple(found) != expected and not is_expected:
-                raise InputError(f"chance: {name} must have the shape {expected}, not {found}")
 
     def reward_terms(self, state: State, events: Events) -> Mapping[str, Array]:
         """The terms of a slot's reward, (envs, auvs) each; `state` is that after the slot."""

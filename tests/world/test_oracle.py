@@ -737,6 +737,17 @@ CASES = {
             **TWO_AUVS,
         },
     ),
+    "polling-losses-exclusive-fdd": Case(
+        "paper/k5-fdd",
+        {"polled and lost", "lost when polled", "lost too weak"},
+        {
+            **ROUGH_MODEM,
+            "charging.power_w": 400,
+            "channel.access": "exclusive",
+            "hearing": {**POLL, "max_nodes_per_slot": 3},
+            **TWO_AUVS,
+        },
+    ),
     "other-hardware-fdd": Case(
         "paper/k3-fdd",
         FDD,
