@@ -70,6 +70,7 @@ def bound_command(
 ) -> None:
     """Print a mean AoI that no policy can beat, checked, and how far policies are from it."""
     from iout_marl.bounds import bound
+    from iout_marl.world import has_chance
 
     take(imports)
     names = [*STRONGEST, *(name for name in policy or [] if name not in STRONGEST)]
@@ -78,7 +79,8 @@ def bound_command(
     loaded = with_layout_of_runs(asked, names, transfer=False)
     if seed is not None:
         loaded = pin_layout(loaded, seed)
-    episodes = 1 if loaded.nodes.part.redraws == "never" else RANDOM_EPISODES
+    is_alike = loaded.nodes.part.redraws == "never" and not has_chance(loaded)
+    episodes = 1 if is_alike else RANDOM_EPISODES
     played = evaluate_named(loaded, names, episodes, seed or 0, transfer=False)
     reached = {name: found.metrics["mean_aoi"].mean for name, found in played.items()}
     found = bound(loaded, min(reached.values()), seconds)

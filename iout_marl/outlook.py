@@ -26,9 +26,10 @@ def energy_outlook(scenario: Scenario) -> str | None:
     two where the least β harvests more than enough, the harvest of one slot must pay for an
     uplink in all of them. AUVs that disturb one another make uplinks dearer than they are here.
 
-    Of stores and vehicles with limits that is never said: what is harvested may not be kept, and an
-    AUV may have nothing to charge with. Where stores hold less than the cheapest uplink takes, or
-    lose in a slot what is harvested in it, or no battery pays for a slot of charging, it is said.
+    Of stores and vehicles with limits, and of levels that fade, that is never said: what is
+    harvested may not be kept, or be little, and an AUV may have nothing to charge with. Where
+    stores hold less than the cheapest uplink takes, or lose in a slot what is harvested in it, or
+    no battery pays for a slot of charging, it is said.
 
     It never suffices where an uplink takes more than a node could harvest in a whole episode.
 
@@ -45,14 +46,19 @@ def energy_outlook(scenario: Scenario) -> str | None:
 
 
 def _outlook(scenario: Scenario, link: Link, offsets: npt.NDArray[np.int64]) -> str | None:
-    harvest_j = np.nan_to_num(link.harvested_w[offsets] * link.slot_s)
+    fading, harvested_w = scenario.channel.part.fading, link.harvested_w
+    if fading.is_active:
+        # The most that it ever is: all that is said of it then is that it is too little.
+        loss_db = link.charging_loss_db - fading.most_db
+        harvested_w = link.budget.harvested_after_loss_w(loss_db)
+    harvest_j = np.nan_to_num(harvested_w[offsets] * link.slot_s)
     uplink_j = np.nan_to_num(link.slot_uplink_j[offsets], nan=np.inf)
     poorest, richest, dearest = harvest_j.min(), harvest_j.max(), uplink_j.max()
     slots = scenario.num_slots
     bounds = f"a slot harvests {_joules(poorest)} to {_joules(richest)}"
     energies = SlotEnergies(link, offsets, poorest, dearest, slots)
     storage, vehicle = scenario.storage.part, scenario.vehicle.part
-    is_unlimited = not (storage.is_limited or vehicle.is_limited)
+    is_unlimited = not (storage.is_limited or vehicle.is_limited or fading.is_active)
     if is_unlimited and scenario.duplex.part.energy_never_binds(energies):
         disturbed = scenario.num_auvs > 1 and scenario.channel.part.access.uplinks_disturb
         when = "bind only where uplinks disturb one another" if disturbed else "never bind"

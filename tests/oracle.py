@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from oracle_chance import Sea
 from oracle_currents import Water
 from oracle_losses import Losses
 from oracle_polling import Polls
@@ -159,13 +160,7 @@ class Sound:
         self.losses = Losses.from_scenario(scenario)
         self.absorption_db_per_km = {f: self.alpha(f) for f in (self.charging_khz, self.uplink_khz)}
         if channel.kind == "sonar":
-            half_khz = self.bandwidth_hz / 2000
-
-            def density(f: float) -> float:
-                return 10 ** (ambient_noise_db(f, channel.shipping, channel.wind_m_per_s) / 10)
-
-            band = integral(density, self.uplink_khz - half_khz, self.uplink_khz + half_khz)
-            self.noise_level_db = 10 * math.log10(band * 1000)  # the band in Hz, not kHz
+            self.noise_level_db = self.noise_band_db(channel.wind_m_per_s)
         else:
             self.noise_level_db = channel.noise_level_db
         # Looking for β asks for the same distance a hundred times. With tables there is more to a
@@ -173,6 +168,17 @@ class Sound:
         known = (lambda function: function) if self.losses else functools.cache
         self.harvested_w = known(self._harvested_w)
         self.watts_per_snr = known(self._watts_per_snr)
+
+    @functools.cache  # noqa: B019
+    def noise_band_db(self, wind_m_per_s: float) -> float:
+        """Wenz's noise in the band of an uplink, in dB re 1 µPa²."""
+        half_khz, shipping = self.bandwidth_hz / 2000, self.scenario.channel.shipping
+
+        def density(f: float) -> float:
+            return 10 ** (ambient_noise_db(f, shipping, wind_m_per_s) / 10)
+
+        band = integral(density, self.uplink_khz - half_khz, self.uplink_khz + half_khz)
+        return 10 * math.log10(band * 1000)  # the band in Hz, not kHz
 
     def alpha(self, f: float) -> float:
         """α in dB/km at f kHz, in the water of the scenario."""
@@ -197,11 +203,14 @@ class Sound:
         return self.harvested_w(d) * duration_s
 
     def _harvested_w(self, d: float) -> float:
+        return self.harvested_after_w(self.attenuation_db(d, self.charging_khz))
+
+    def harvested_after_w(self, loss_db: float) -> float:
         """Eqs. `SL`, `RL` and `p harvested`, for all hydrophones, or an aperture."""
         source, harvester = self.scenario.charging, self.scenario.harvester
         sl = 170.8 + 10 * math.log10(source.power_w) + 10 * math.log10(source.efficiency)
         sl += source.directivity_index_db
-        rl = sl - self.attenuation_db(d, self.charging_khz)
+        rl = sl - loss_db
         if self.scenario.channel.kind != "sonar":
             rl -= self.noise_level_db
         # A plane wave of so many µPa, in sea water of 1025 kg/m³ and 1500 m/s.
@@ -238,6 +247,7 @@ class Sound:
         level += uplink.required_snr_db
         if level > uplink.maximum_source_level_db or self.modem_s(d) > duration_s * (1 + 1e-12):
             return math.inf
+        level = min(level + uplink.margin_db, uplink.maximum_source_level_db)
         if not uplink.power_control:
             level = uplink.maximum_source_level_db
         acoustic_w = 10 ** ((level - 170.8 - channel.uplink_directivity_index_db) / 10)
@@ -323,6 +333,7 @@ class Oracle:
         self.vehicles, self.water = Vehicles(self), Water(self)
         self.asked = 0  # uplinks asked for
         self.silenced = 0  # uplinks that fell silent so that others could be heard
+        self.sea = Sea(self)
         self.notebooks = [Notebook(self, auv) for auv in self.auvs]
 
     def loneliest_cell(self) -> Cell:
@@ -357,8 +368,9 @@ class Oracle:
         ]
         return far[0] ** 2 + far[1] ** 2 + far[2] ** 2
 
-    def step(self, action: Sequence[Sequence[int]]) -> None:
+    def step(self, action: Sequence[Sequence[int]], drawn: dict | None = None) -> None:
         """One slot: move, charge, uplink, age. `action` has (direction, nodes…) per AUV."""
+        self.sea.begin(drawn or {})
         self.events = [Slot(charged=a[1], heard=a[-1]) for a in action]
         self.vehicles.begin()
         self.water.begin()
@@ -491,6 +503,10 @@ class Oracle:
             duration_s = tau if fdd else event.beta * tau
             d = self.distance_m(auv, event.charged)
             event.harvested_j = self.sound.harvested_j(d, duration_s)
+            if self.sea.fades:
+                loss_db = self.sound.attenuation_db(d, self.sound.charging_khz)
+                loss_db = self.sea.harvest_loss_db(auv, event.charged, loss_db)
+                event.harvested_j = self.sound.harvested_after_w(loss_db) * duration_s
             self.energy_j[event.charged] += event.harvested_j
             self.harvested_j += event.harvested_j
 
@@ -512,6 +528,8 @@ class Oracle:
             takers = []
             for auv, event in enumerate(self.events):
                 sends = able[auv][node] if fdd else event.beta < 1
+                if self.sea.fades:
+                    sends = sends and self.energy_j[node] >= self.alone_j(auv, node)
                 if event.heard == node and sends and self.stores.can_send(auv, node):
                     takers.append((self.distance_m(auv, node), self.auv_cells[auv], auv))
             if takers:
@@ -541,8 +559,14 @@ class Oracle:
 
     def pay(self, auv: int, node: int, energy_j: float, *, delivered: bool) -> None:
         event = self.events[auv]
+        self.count_sent()
+        delivered = delivered and self.sea.arrives(auv, node, 0)
         event.delivered, event.spent_j = delivered, energy_j
         self.take(node, energy_j)
+
+    def count_sent(self) -> None:
+        if self.sea.loses:
+            self.sea.packets[0] += 1
 
     def packet_j(self, auv: int, node: int) -> float:
         """Energy of a packet that takes a time of its own."""
@@ -696,6 +720,7 @@ class Oracle:
             **self.stores.metrics(),
             **self.seconds(),
             **self.vehicles.metrics(),
+            **self.sea.metrics(),
         }
 
     def seconds(self) -> dict[str, float]:

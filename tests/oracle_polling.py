@@ -37,12 +37,17 @@ class Polls:
                 polled = oracle.nobody if node is None or is_chosen else node
                 energy_j = 0.0 if node is None else oracle.packet_j(auv, node)
                 event.polled.append(polled)
-                event.polled_delivered.append(polled != oracle.nobody and not collided)
+                arrives = not collided
+                if node is not None:
+                    oracle.count_sent()
+                    place = 0 if is_chosen else 1 + number
+                    arrives = arrives and oracle.sea.arrives(auv, node, place)
+                event.polled_delivered.append(polled != oracle.nobody and arrives)
                 event.polled_j.append(0.0 if polled == oracle.nobody else energy_j)
                 if node is None:
                     continue
                 if is_chosen:
-                    event.delivered, event.spent_j = not collided, energy_j
+                    event.delivered, event.spent_j = arrives, energy_j
                 oracle.take(node, energy_j)
                 lasts_s = oracle.sound.modem_s(oracle.distance_m(auv, node))
                 lasted[auv].append((node, lasts_s))

@@ -52,7 +52,8 @@ def test_every_role_has_a_row(registry):
     name, base, key = row
     assert getattr(parts, name) is registry
     assert getattr(parts, base) is registry.base
-    settings = load_scenario("paper/k3-tdd", {"observation.entries": ["time"], "channel": "sonar"})
+    overrides = {"observation.entries": ["time"], "duplex": {"kind": "tdd", "beta_rule": "airtime"}}
+    settings = load_scenario("sea/bay", overrides)
     for word in key.split("."):
         settings = getattr(settings, word)
     first = settings[0] if isinstance(settings, tuple) else settings

@@ -248,3 +248,22 @@ def test_the_next_cell_is_the_nearest_one_of_cells_that_are_no_cubes(own):
         assert "over 80 m sound of 30000 kHz" in line
     else:  # nor from there, 64 m away on average
         assert line.startswith("nothing can ever be delivered: ")
+
+
+def test_of_levels_that_fade_nothing_is_promised():
+    sea = {
+        "channel": {"kind": "sonar"},
+        "harvester.area_m2": 0.02,
+        "charging.power_w": 20_000,
+        "uplink": {
+            "kind": "modem",
+            "bit_rate_bps": 5000.0,
+            "packet_bits": 2048.0,
+            "bandwidth_hz": 5000.0,
+            "electronics_w": 1e-3,
+            "maximum_source_level_db": 190.0,
+        },
+    }
+    assert outlook(**sea).startswith("energy can never bind")
+    fading = {"kind": "shadowing", "sigma_db": 3.0, "coherence_s": 600.0}
+    assert outlook(**sea, **{"channel.fading": fading}) is None

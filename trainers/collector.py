@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from iout_marl.core.chance import Draw
-from iout_marl.core.state import STORE_FIELDS, TRANSIT_FIELDS, VEHICLE_FIELDS
+from iout_marl.core.state import SEA_FIELDS, STORE_FIELDS, TRANSIT_FIELDS, VEHICLE_FIELDS
 from iout_marl.scenario import Scenario
 from iout_marl.world import Chance, State, World, node_codes, redraws_every_episode
 from iout_marl.world.chance import completed
@@ -323,8 +323,7 @@ class Collector:
             later.append("polled")
         if not self.world.motion.takes_slots:
             later += TRANSIT_FIELDS
-        if not self.state.wander_m_per_s.shape[-1]:
-            later.append("wander_m_per_s")
+        later += [name for name in SEA_FIELDS if not getattr(self.state, name).shape[-1]]
         whole = {name: t for name, t in whole.items() if name not in later}
         names = [metric.name for metric in self.world.summed]
         return {
@@ -341,8 +340,9 @@ class Collector:
         """
         states = [
             dict.fromkeys((*STORE_FIELDS, *VEHICLE_FIELDS), one["state"]["age"][:, :0])
-            | {name: self._none_of(one) for name in ("unasked", "polled", "wander_m_per_s")}
+            | {name: self._none_of(one) for name in ("unasked", "polled")}
             | dict.fromkeys(TRANSIT_FIELDS, one["state"]["cell"][:, :0])
+            | self._sea_of(one)
             | one["state"]
             | {"sums": self._sums_of(one)}
             for one in saved
@@ -362,6 +362,12 @@ class Collector:
         none = torch.zeros_like(saved["state"]["mean_age"])
         sums = [saved.get("sums", {}).get(m.name, none) for m in self.world.summed]
         return torch.stack(sums, dim=-1) if sums else self._none_of(saved)
+
+    def _sea_of(self, saved: dict[str, Any]) -> dict[str, Tensor]:
+        """How the sea differs from its median: not at all, in states that do not say."""
+        age, auvs = saved["state"]["age"], self.world.num_auvs
+        empty = {name: self._none_of(saved) for name in SEA_FIELDS}
+        return empty | {"gain_db": age.new_empty((len(age), auvs, 0))}
 
     @staticmethod
     def _none_of(saved: dict[str, Any]) -> Tensor:

@@ -234,6 +234,11 @@ def _validity(scenario: Scenario) -> str:
             "the scheduling bound holds; one by energy and travel would hold for still water, and "
             f"for currents that only remove possibilities: {adds}"
         )
+    if adds := scenario.channel.part.fading.what_it_adds(scenario):
+        return (
+            "the scheduling bound holds; one by energy and travel would hold for levels that never "
+            f"rise above what the distance makes them: {adds}"
+        )
     return "both bounds hold for every policy"
 
 
@@ -247,6 +252,7 @@ def _stated_by(scenario: Scenario) -> str:
     relied_on: list[Settings] = [scenario.channel.part.access.settings, scenario.hearing]
     if is_covered(scenario):
         relied_on += [scenario.duplex, scenario.storage, scenario.vehicle, scenario.current]
+        relied_on += [scenario.channel.part.fading.settings]
         relied_on += [scenario.auvs.motion, scenario.nodes]
     outside = {entry: None for settings in relied_on for entry in outside_parts(settings)}
     parts = [f"part {entry.kind!r} ({entry.role})" for entry in outside]

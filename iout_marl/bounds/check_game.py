@@ -45,11 +45,13 @@ def is_covered(scenario: Scenario) -> bool:
 
     They are for one AUV that hears the node that it names and no other, for nodes that stay where
     they are, for a duplex part that states what a slot does to levels of energy, for stores with
-    which nodes can do nothing that they could not do with empty ones without limits, and for
-    vehicles and currents likewise.
+    which nodes can do nothing that they could not do with empty ones without limits, for vehicles
+    and currents likewise, and for levels that do not rise by chance. Packets that get lost only
+    remove.
     """
     is_fixed = scenario.nodes.part.redraws == "never"
-    limits = scenario.storage.part, scenario.vehicle.part, scenario.current.part
+    limits = [scenario.storage.part, scenario.vehicle.part, scenario.current.part]
+    limits.append(scenario.channel.part.fading)
     only_removes = all(part.can_only_remove(scenario) for part in limits)
     has_tables = scenario.duplex.part.has_tables
     hears_one = not scenario.hearing.part.polls

@@ -83,6 +83,11 @@ class LinkBudget:
             power_per_snr_w, distance_m, uplink_s, self._channel, self._num_bands
         )
 
+    @unheard
+    def excess_db(self, power_per_snr_w: ArrayLike) -> Array:
+        """Signal over noise on arrival in the median, less what is required, in dB."""
+        return self._uplink.excess_db(power_per_snr_w, self._channel)
+
     def least_uplink_s(self, distance_m: ArrayLike) -> Array:
         """The time that an uplink takes at least, in s; 0 where it takes what there is."""
         return self._uplink.least_time_s(distance_m, self._num_bands)

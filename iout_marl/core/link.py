@@ -44,6 +44,10 @@ class Link:
             uplink takes at least; (offsets,) each.
         way_m: by offset: the way from the centre of one cell to that of the other, 0 within one
             whatever `grid.own_cell_distance` says; (offsets,).
+        charging_loss_db: by offset: what the sound that charges loses, in dB, in NumPy.
+        least_charging_loss_db: the least that it may lose, wherever they are, less what fading
+            adds to it at most.
+        excess_db: by offset: see `Uplink.excess_db`; only where packets may be lost, in NumPy.
         most_harvested_w: the most that a node harvests from one AUV, wherever they are.
         may_harvest_nothing: whether there is an offset at which it harvests nothing.
 
@@ -68,25 +72,35 @@ class Link:
             distance_m = np.where(way_m == 0, mean_distance_in_box(grid.edges_m), way_m)
             distance_m = bounded(distance_m, 0.0, FARTHEST_M)
         if pairs is None:
-            harvested_w = self.budget.harvested_power_w(distance_m)
+            charging_khz = self.budget.charging_frequency_khz
+            charging_db = self.budget.attenuation_db(distance_m, charging_khz)
+            least_db = float(self.budget.attenuation_db(0.0, charging_khz))
             power_per_snr_w = self.budget.power_per_snr_w(distance_m)
-            self.most_harvested_w = float(self.budget.harvested_power_w(0.0))
         else:
             self._row, self._column = backend.integers(pairs.row), backend.integers(pairs.column)
             charging_db, uplink_db = (
                 self._pair_loss_db(khz)
                 for khz in (self.budget.charging_frequency_khz, self.budget.uplink_frequency_khz)
             )
-            harvested_w = self.budget.harvested_after_loss_w(charging_db)
+            least_db = float(charging_db.min())
             power_per_snr_w = self.budget.power_per_snr_after_loss_w(uplink_db)
-            self.most_harvested_w = float(harvested_w.max())
+        harvested_w = self.budget.harvested_after_loss_w(charging_db)
+        # Beyond this gain a harvest rises no further.
+        least_db = least_db - scenario.channel.part.fading.most_db
+        self.most_harvested_w = float(self.budget.harvested_after_loss_w(least_db))
+        self.charging_loss_db, self.least_charging_loss_db = charging_db, least_db
         self.may_harvest_nothing = bool((harvested_w == 0).any())
         uplink_j = self._uplink_j(power_per_snr_w, distance_m)
         in_range = uplink_j < DEAREST_J
         self._dearest_j = float(uplink_j.max(where=in_range, initial=0.0)) or DEAREST_J
         powers = {"power of an uplink": power_per_snr_w, "energy of an uplink": uplink_j}
         self._distances_m, self._uplinks_j = distance_m, uplink_j
-        check_link(scenario, float(harvested_w.max()), powers)
+        most_w = float(harvested_w.max())
+        if scenario.channel.part.fading.is_active:
+            most_w = self.most_harvested_w
+        check_link(scenario, most_w, powers)
+        if scenario.uplink.part.loses:
+            self.excess_db = self.budget.excess_db(power_per_snr_w)
         self.distance_m = backend.floats(distance_m)
         self.way_m = self.distance_m if way_m is distance_m else backend.floats(way_m)
         self.harvested_w = backend.floats(harvested_w)

@@ -50,6 +50,10 @@ TAKEN = Reason("taken", "the node sent to another AUV, which is nearer")
 COLLISION = Reason("collision", "another uplink in the same slot collided with it")
 INTERFERENCE = Reason("interference", "other uplinks in the band were too loud")
 CHARGING_NOISE = Reason("charging_noise", "an AUV that charged meanwhile was too loud")
+TOO_WEAK = Reason(
+    "too_weak", "the packet arrived too weak: shadowing or wind took more than its margin"
+)
+BIT_ERRORS = Reason("bit_errors", "bit errors destroyed the packet, though it was loud enough")
 STRANDED = Reason("stranded", "the AUV's battery was empty: it heard nobody")
 #: Of an AUV that heard nobody: nothing has failed.
 NOBODY_ASKED = Reason("nobody_asked", "nobody was asked for a packet")

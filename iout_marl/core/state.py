@@ -23,6 +23,10 @@ VEHICLE_FIELDS = (
 )
 
 
+#: Fields of a state that have no columns where nothing differs from the median.
+SEA_FIELDS = ("gain_db", "gust_m_per_s", "packets", "wander_m_per_s")
+
+
 class State(NamedTuple):
     """A batch of environments between two slots. Shapes are (envs, auvs, nodes) in this order."""
 
@@ -69,6 +73,11 @@ class State(NamedTuple):
     # (envs, 2) float, m/s along x and y: what chance adds to the current in the slot that begins;
     # no columns where it adds nothing
     wander_m_per_s: Array
+    # How the sea differs from its median; no columns where it never does.
+    gain_db: Array  # (envs, auvs, nodes) float, dB: what fading adds to levels
+    gust_m_per_s: Array  # (envs, 1) float, m/s: wind above its mean, below it less than 0
+    # Where packets may get lost; no columns elsewhere.
+    packets: Array  # (envs, 3) float, count: sent so far, lost too weak, lost by bit errors
     # What users' metrics add up; no columns where there are none.
     sums: Array  # (envs, metrics) float: each summed over the slots so far
 
@@ -97,6 +106,11 @@ class Events(NamedTuple):
     polled: Array  # (envs, auvs, rounds) int: node polled; K for none
     polled_delivered: Array  # (envs, auvs, rounds) bool: it has delivered its packet
     polled_j: Array  # (envs, auvs, rounds) float, J: energy that it has spent
+    # Of the packet of the node heard, and of those of nodes polled beside; no columns where none
+    # may get lost on its way.
+    lost: Array  # (envs, auvs, 1 + rounds) bool: it was sent, and got lost
+    # (envs, auvs, 1 + rounds) float, dB: SNR on arrival, less what is required; 0 of none
+    excess_db: Array
 
     @property
     def payable_j(self) -> Array:

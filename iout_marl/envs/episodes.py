@@ -172,7 +172,10 @@ class EpisodeBatch:
             self._layout[reseeded] = node_codes(
                 self.scenario, self.world.grid, [self._rngs[i] for i in reseeded]
             )
-        self._chance = ChanceStream(self.scenario, self._rngs) if self.world.chance else None
+        if self._chance is not None:
+            self._chance.restart(range(self._num_envs), {i: self._rngs[i] for i in reseeded})
+        elif self.world.chance:
+            self._chance = ChanceStream(self.scenario, self._rngs)
         self._stepper = self._stepper_from(self.world.reset(self._layout))
         self._show()
 
@@ -190,7 +193,7 @@ class EpisodeBatch:
             rngs = [self._rngs[i] for i in drawn]
             self._layout[drawn] = node_codes(self.scenario, self.world.grid, rngs)
         if self._chance is not None:
-            self._chance.restart({i: self._rngs[i] for i in rows})
+            self._chance.restart(rows, {i: self._rngs[i] for i in seeded})
         first = self.world.reset(self._layout)
         state = State(*(_written(old, new, where) for old, new in zip(before, first, strict=True)))
         self._stepper, self._is_apart = self._stepper_from(state, events), bool(state.slot.any())

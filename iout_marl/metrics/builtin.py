@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from iout_marl.metrics.losses import OF_LOSSES
 from iout_marl.metrics.metric import Metric
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
@@ -449,7 +450,7 @@ OF_VEHICLES = (
 )
 
 #: All built-in metrics: those that every world has come first.
-ALL = (*BUILTIN, *OF_TIME, *OF_STORES, *OF_VEHICLES)
+ALL = (*BUILTIN, *OF_TIME, *OF_STORES, *OF_VEHICLES, *OF_LOSSES)
 
 #: What reports of any study draw over the axis, and what they table, in this order; metrics of
 #: users follow.

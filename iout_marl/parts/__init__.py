@@ -26,8 +26,10 @@ from iout_marl.parts.channel import Channel, channels
 from iout_marl.parts.current import Current, Frames, Wander, currents
 from iout_marl.parts.duplex import Duplex, duplexes
 from iout_marl.parts.entry import Entry, entries
+from iout_marl.parts.fading import Fading, fadings
 from iout_marl.parts.harvester import Harvester, harvesters
 from iout_marl.parts.hearing import Call, Heard, Hearing, hearings
+from iout_marl.parts.loss import Loss, losses
 from iout_marl.parts.motion import Motion, motions
 from iout_marl.parts.network import Network, NetworkSizes, networks
 from iout_marl.parts.observation import Representation, representations
@@ -38,6 +40,7 @@ from iout_marl.parts.storage import Rest, Storage, storages
 from iout_marl.parts.transmission import Transmission, transmissions
 from iout_marl.parts.uplink import Uplink, uplinks
 from iout_marl.parts.vehicle import Vehicle, vehicles
+from iout_marl.parts.wind import Blowing, Wind, winds
 from iout_marl.scenario.data_files import DataFile
 from iout_marl.scenario.data_readers import read_arrays
 from iout_marl.scenario.fields import (
@@ -55,6 +58,7 @@ __all__ = [
     "Absorption",
     "Access",
     "BetaRule",
+    "Blowing",
     "Call",
     "Channel",
     "Context",
@@ -64,11 +68,13 @@ __all__ = [
     "Decibels",
     "Duplex",
     "Entry",
+    "Fading",
     "Fraction",
     "Frames",
     "Harvester",
     "Heard",
     "Hearing",
+    "Loss",
     "Motion",
     "Network",
     "NetworkSizes",
@@ -91,6 +97,7 @@ __all__ = [
     "Uplinks",
     "Vehicle",
     "Wander",
+    "Wind",
     "absorptions",
     "access_rules",
     "at_work",
@@ -99,9 +106,11 @@ __all__ = [
     "currents",
     "duplexes",
     "entries",
+    "fadings",
     "harvesters",
     "hearings",
     "invalid",
+    "losses",
     "motions",
     "networks",
     "optimizers",
@@ -113,6 +122,7 @@ __all__ = [
     "transmissions",
     "uplinks",
     "vehicles",
+    "winds",
 ]
 
 # Whatever lies in the folder of a role registers itself; so do the trainer's own parts.

@@ -7,18 +7,26 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from iout_marl.errors import warn_once
 from iout_marl.policies.policy import Actions, Policy
 from iout_marl.policies.predicting import BasePolicy
 from iout_marl.policies.search import DEFAULT_BUDGET, Budget, Planner
 from iout_marl.policies.simulator import Plan
 from iout_marl.world import State, World
 
+#: What should be known of plans where slots are left to chance.
+_BY_THE_EXPECTED = (
+    "tour and planner plan for the median sea and expected deliveries, and are then played in the "
+    "sea as it is drawn, without planning anew"
+)
+
 
 class _Planned(BasePolicy):
     """Plays episodes as planned; from a state that no plan has foreseen it plans anew.
 
     Knows the whole scenario and the whole state, and learns nothing. The layouts that are
-    planned in one slot share the budget.
+    planned in one slot share the budget. Where slots are left to chance, it plans by
+    `World.expected`, and then does in each slot what it has planned for it, whatever has happened.
     """
 
     #: What a search leaves to chance, a seed of its own decides.
@@ -35,6 +43,8 @@ class _Planned(BasePolicy):
         self._known = WeakKeyDictionary()
 
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:  # noqa: ARG002
+        if world.chance:
+            warn_once(_BY_THE_EXPECTED)
         if world not in self._known:
             planner = Planner(world.scenario, searches=self.searches, seed=self._seed)
             self._known[world] = planner, [None] * world.num_envs
@@ -43,7 +53,7 @@ class _Planned(BasePolicy):
         fresh: dict[bytes, tuple[State, list[int]]] = {}
         for env, plan in enumerate(plans):
             here = State(*(array[env : env + 1] for array in state))
-            slot = _foreseen(plan, here)
+            slot = _foreseen(plan, here, by_time=bool(world.chance))
             slots.append(slot or 0)
             if slot is None:
                 # Of environments that are alike one is planned.
@@ -87,14 +97,22 @@ class PlannerPolicy(_Planned):
     searches = True
 
 
-def _foreseen(plan: Plan | None, state: State) -> int | None:
-    """The slot of the plan, counted from its first, that is to begin in the state of one env."""
+def _foreseen(plan: Plan | None, state: State, *, by_time: bool) -> int | None:
+    """The slot of the plan, counted from its first, that is to begin in the state of one env.
+
+    Args:
+        plan: the plan, if there is any.
+        state: the state.
+        by_time: whether only the layout and the time must be as planned.
+    """
     if plan is None:
         return None
     row = int(state.slot[0] - plan.states.slot[0])
     if not 0 <= row < len(plan.actions):
         return None
     expected = plan.states.map(lambda array: array[row])
+    if by_time:
+        return row if np.array_equal(expected.node_cell, state.node_cell[0]) else None
     alike = (
         np.array_equal(expected.cell, state.cell[0])
         and np.array_equal(expected.node_cell, state.node_cell[0])

@@ -69,6 +69,16 @@ MODEMS = {
         "maximum_source_level_db": 118.0,
     },
 }
+#: Roles whose parts are put into worlds with modems, and what else they take there: a sea in which
+#: packets get lost, some by bit errors.
+ROUGH = {"uplink.required_snr_db": 5.0, "uplink.loss": "bpsk"}
+SHADOWED = {"channel.fading": {"kind": "shadowing", "sigma_db": 3.0, "coherence_s": 300.0}}
+WITH_MODEMS: Mapping[str, Mapping[str, Any]] = {
+    "hearing": {},
+    "fading": ROUGH,
+    "wind": ROUGH,
+    "loss": ROUGH | SHADOWED,
+}
 #: The worlds, by what they are called where a test fails.
 WORLDS: Mapping[str, tuple[str, dict[str, Any]]] = {
     "3 AUVs, FDD": ("paper/k5-fdd", SMALL | TEAM),
@@ -210,8 +220,9 @@ def _bases(role: str, overrides: Overrides) -> Iterator[tuple[str, Scenario]]:
         # A duplex part stands in for either; its worlds are those for the paper's first.
         is_out = {"beta rule": "TDD" not in name, "duplex": "FDD" not in name}
         if not is_out.get(role) and not (role == "access" and "one band" in name):
-            more = _with_modems(name) if role == "hearing" else {}
-            yield name, load_scenario(load_scenario(base, changes | more), overrides)
+            more = _with_modems(name) if role in WITH_MODEMS else {}
+            found = load_scenario(load_scenario(base, changes | more), WITH_MODEMS.get(role, {}))
+            yield name, load_scenario(found, overrides)
 
 
 def _with_modems(name: str) -> dict[str, Any]:

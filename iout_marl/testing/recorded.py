@@ -20,7 +20,7 @@ MOST_SLOTS = 24
 OF_AUVS = {
     *("cell", "seen_age", "seen_energy_j", "seen_slot", "others_age", "others_deliveries"),
     *("battery_j", "propulsion_j", "hotel_j", "charging_j", "docked_j", "distance_m"),
-    *("stranded_slots", "drawn_j", "stranded"),
+    *("stranded_slots", "drawn_j", "stranded", "gain_db", "lost", "excess_db"),
     *("left_grid", "blocked", "charged", "heard", "beta", "event harvested_j", "delivered"),
     *(
         "transit_slots",
@@ -37,7 +37,7 @@ OF_AUVS = {
 }
 OF_NODES = {
     *("node_cell", "age", "energy_j", "deliveries", "seen_age", "seen_energy_j", "seen_slot"),
-    *("others_age", "others_deliveries", "available_j", "entry of nodes"),
+    *("others_age", "others_deliveries", "available_j", "entry of nodes", "gain_db"),
     *("spilled_j", "leaked_j", "idle_j", "asleep_slots"),
 }
 CHOSEN_NODES = {"charged", "heard", "event polled"}

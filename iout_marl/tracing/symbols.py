@@ -88,7 +88,7 @@ _to_float = {
     bool: _elementwise("1.0 if {} else 0.0", float),
     int: _elementwise("float({})", float),
 }
-_to_int = _elementwise("int({})", int)
+_to_integer = _elementwise("int({})", int)
 _root = _elementwise("sqrt({})", sqrt)
 _exponential_less_one = _elementwise("expm1({})", expm1)
 
@@ -296,7 +296,7 @@ def _where(flag: Any, first: Any, second: Any) -> SymbolArray:
 
 def _astype(values: SymbolArray, dtype: Any) -> SymbolArray:
     if dtype == np.int64 and values.kind is float:
-        return _of(_to_int, int, values)
+        return _of(_to_integer, int, values)
     if dtype != np.float64:
         raise UnknownOperationError(f"conversion to {dtype}")
     return values if values.kind is float else _of(_to_float[values.kind], float, values)

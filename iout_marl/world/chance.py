@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from iout_marl.arrays.backend import Backend
 from iout_marl.core.chance import Chance, Draw, shape_of
+from iout_marl.errors import InputError
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.parts import parts_in
@@ -34,9 +35,8 @@ class ChanceStream(Iterator[Chance | None]):
     """The chance of a batch of episodes, slot by slot, as float64 NumPy arrays.
 
     Every environment has a stream of its own, a child of the one that its layout is drawn from,
-    which itself is left as it is: so an environment has the same numbers alone and in a batch, and
-    in an episode the same however long the one before it was. Of a scenario that leaves nothing to
-    chance, all that comes is None.
+    which itself is left as it is: so an environment has the same numbers alone and in a batch. Of a
+    scenario that leaves nothing to chance, all that comes is None.
 
     Args:
         scenario: the scenario.
@@ -64,11 +64,18 @@ class ChanceStream(Iterator[Chance | None]):
         sequence: Any = rng.bit_generator.seed_seq
         return np.random.default_rng(sequence.spawn(1)[0].spawn(1)[0])
 
-    def restart(self, rngs: Mapping[int, np.random.Generator]) -> None:
-        """Begin anew for some environments, by index; the others go on."""
-        for env, rng in rngs.items():
+    def restart(
+        self, envs: Sequence[int], seeded: Mapping[int, np.random.Generator] | None = None
+    ) -> None:
+        """Begin new episodes.
+
+        Args:
+            envs: of which environments; the others go on with theirs.
+            seeded: of those whose stream begins anew, that of the layout.
+        """
+        self._next[envs] = self._slots
+        for env, rng in (seeded or {}).items():
             self._rngs[env] = self._child(rng)
-            self._next[env] = self._slots
 
     def __next__(self) -> Chance | None:
         if not self._draws:
@@ -86,21 +93,24 @@ class ChanceStream(Iterator[Chance | None]):
         return completed(found, _BACKEND, self._draws, self._num_envs)
 
     def _draw(self, envs: list[int]) -> None:
-        # What was handed out before is not written over.
-        if len(envs) == self._num_envs:
-            self._ahead = {name: np.empty_like(ahead) for name, ahead in self._ahead.items()}
-        else:
-            self._ahead = {name: ahead.copy() for name, ahead in self._ahead.items()}
-        for env in envs:
+        drawn = {
+            name: np.empty((len(envs), self._slots, *draw.shape[::-1]))
+            for name, draw in self._draws.items()
+        }
+        for i, env in enumerate(envs):
             rng = self._rngs[env]
             assert rng is not None
             for name, draw in self._draws.items():
-                size = (self._slots, *draw.shape[::-1])
-                normal = draw.distribution == "normal"
-                self._ahead[name][..., env] = (
-                    rng.standard_normal(size) if normal else rng.random(size)
-                )
-            self._next[env] = 0
+                fill = rng.standard_normal if draw.distribution == "normal" else rng.random
+                fill(out=drawn[name][i])
+        for name, rows in drawn.items():
+            # What was handed out before is not written over.
+            if len(envs) == self._num_envs:
+                self._ahead[name] = np.ascontiguousarray(np.moveaxis(rows, 0, -1))
+            else:
+                self._ahead[name] = self._ahead[name].copy()
+                self._ahead[name][..., envs] = np.moveaxis(rows, 0, -1)
+        self._next[envs] = 0
 
 
 def _each(ahead: npt.NDArray[np.float64], slot: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
@@ -119,3 +129,33 @@ def completed(
             for name in Chance._fields
         )
     )
+
+
+def expected(backend: Backend, draws: dict[str, Draw], num_envs: int) -> Chance:
+    """What planners step by: all that is normal is 0, and nothing uniform is drawn."""
+    normal = {
+        name: backend.zeros(shape_of(name, draws, num_envs))
+        for name, draw in draws.items()
+        if draw.distribution == "normal"
+    }
+    return completed(normal, backend, {}, num_envs)
+
+
+def check_chance(chance: Any, draws: dict[str, Draw], num_envs: int) -> None:
+    """Refuse what is no chance of a slot of a world.
+
+    Args:
+        chance: what is given.
+        draws: what the world takes.
+        num_envs: its environments.
+
+    Raises:
+        InputError: it is something else, or of another shape.
+    """
+    if not isinstance(chance, Chance):
+        raise InputError(f"chance must be a Chance, not {type(chance).__name__}")
+    for name, draw in draws.items():
+        found, wanted = tuple(getattr(chance, name).shape), shape_of(name, draws, num_envs)
+        is_expected = draw.distribution == "uniform" and found[-1:] == (0,)
+        if found != wanted and not is_expected:
+            raise InputError(f"chance: {name} must have the shape {wanted}, not {found}")

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from iout_marl.core.reasons import NOBODY_ASKED, NOT_STATED, STRANDED, Reason
+from iout_marl.core.reasons import (
+    BIT_ERRORS,
+    NO_ENERGY,
+    NOBODY_ASKED,
+    NOT_STATED,
+    STRANDED,
+    TOO_WEAK,
+    Reason,
+)
 from iout_marl.core.split import Split
 from iout_marl.core.state import Events, State
 from iout_marl.parts import Request
@@ -50,6 +58,15 @@ def outcomes(world: World, before: State, events: Events, after: State) -> Outco
     for env, auv in np.argwhere(np.asarray(events.stranded)).tolist():
         found[env][auv] = STRANDED
     silent, unheard = ~np.asarray(sends), np.asarray(sends)
+    own = (
+        (NO_ENERGY, silent & np.asarray(wanted) & np.asarray(available_j < split.required_j)),
+        *_lost(world, events, 0),
+    )
+    for reason, flags in own if world.reception is not None else ():
+        new = flags & lost & ~has_reason
+        has_reason |= new
+        for env, auv in np.argwhere(new).tolist():
+            found[env][auv] = reason
     for part, among, reasons in (
         (world.storage, silent, world.storage.why_silent(wanted, available_j, sends)),
         (world.duplex, silent, world.duplex.why_silent(split, available_j)),
@@ -80,13 +97,25 @@ def polled_outcomes(
     heard = listen(world, before, request, split, named.hears, events.available_j)
     for i, (asked, own_split) in enumerate(heard.rounds):
         unknown = lost[..., i].copy()
-        for reason, flags in _checked(
-            world.access, world.access.why_lost(asked, own_split), unknown.shape
+        for reason, flags in (
+            *_lost(world, events, 1 + i),
+            *_checked(world.access, world.access.why_lost(asked, own_split), unknown.shape),
         ):
             for env, auv in np.argwhere(flags & unknown).tolist():
                 found[env][auv][i] = reason
             unknown &= ~flags
     return found
+
+
+def _lost(
+    world: World, events: Events, number: int
+) -> list[tuple[Reason, np.typing.NDArray[np.bool_]]]:
+    """Why packets got lost on their way: of each AUV one by its number, 0 the chosen node's."""
+    if world.reception is None or not world.reception.loses:
+        return []
+    lost = np.asarray(events.lost[..., number])
+    weak = np.asarray(world.reception.is_weak(events.excess_db[..., number]))
+    return [(TOO_WEAK, lost & weak), (BIT_ERRORS, lost & ~weak)]
 
 
 def _asked(

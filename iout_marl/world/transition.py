@@ -13,7 +13,9 @@ from iout_marl.core.state import Events, State
 from iout_marl.parts import Request
 from iout_marl.physics.arrays import Array, cast
 from iout_marl.world.addressed import Addressed
+from iout_marl.world.chance import completed
 from iout_marl.world.polled import Polled
+from iout_marl.world.reception import Received
 
 if TYPE_CHECKING:
     from iout_marl.world.world import World
@@ -41,12 +43,17 @@ class Transition:
         self._one_slot = backend.integers(1)
         self._nothing = backend.floats(0.0)
         self._nobody = backend.integers(world.num_nodes)
+        self._no_chance = completed({}, backend, {}, world.num_envs)
         rounds = (world.num_envs, world.num_auvs, world.hearing.rounds(world.num_nodes))
         #: Fields of events where nobody polls.
         self._none_polled = {
             "polled": backend.integers(np.zeros(rounds)),
             "polled_delivered": backend.zeros(rounds) > 0,
             "polled_j": backend.zeros(rounds),
+        }
+        self._none_lost = {
+            "lost": backend.zeros((world.num_envs, world.num_auvs, 0)) > 0,
+            "excess_db": backend.zeros((world.num_envs, world.num_auvs, 0)),
         }
         # Of every node: NumPy compares two arrays faster than an array and a number.
         nowhere = backend.zeros((world.num_envs, world.num_nodes))
@@ -58,6 +65,9 @@ class Transition:
         xp, link, nodes = world.backend.xp, world.link, world.nodes
         charged, heard = action[..., 1], action[..., -1]
 
+        reception, conditions = world.reception, None
+        if reception is not None:
+            conditions = reception.conditions(state, self._no_chance if chance is None else chance)
         stranded = world.vehicle.none_stranded
         if world.vehicle.is_limited:
             stranded = world.vehicle.is_stranded(state.battery_j)
@@ -92,7 +102,12 @@ class Transition:
             state, cell, heading, stranded, split.charging_s, moved.propulsion_j, moved.idle
         )
         # Eq. `E harvested`; a node charged by two AUVs gets both.
-        harvested_j = link.at(link.harvested_w, charged_offset) * split.charging_s
+        if reception is None or conditions is None:
+            harvested_w = link.at(link.harvested_w, charged_offset)
+        else:
+            harvested_w = reception.harvested_w(conditions, charged, charged_offset)
+        gain_db = None if conditions is None else conditions.gain_db
+        harvested_j = harvested_w * split.charging_s
         come_j = nodes.scatter_add(state.energy_j, charged_index, harvested_j)
         available_j = world.storage.filled(come_j)
 
@@ -101,10 +116,16 @@ class Transition:
         request = Request(cell, heard, heard_cell, sends, heard_available_j, heard_offset)
         polled = None
         if world.hearing.polls:
-            polled = Polled.from_slot(world, state, request, split, hears, available_j)
+            polled = Polled.from_slot(world, state, request, split, hears, available_j, conditions)
             delivered, spent_j = polled.heard.chosen
         else:
             delivered, spent_j = world.access(request, split)
+        received: Received | None = None
+        if reception is not None and reception.loses:
+            assert conditions is not None
+            of_polled = () if polled is None else polled.judged
+            received = reception.received(conditions, request, delivered, spent_j, of_polled)
+            delivered = received.chosen.delivered
         # At the root of the energy balance rounding may ask for more than there is.
         taken_j = xp.minimum(spent_j, heard_available_j)
         left_j = nodes.scatter_add(available_j, heard_index, -taken_j)
@@ -112,7 +133,10 @@ class Transition:
             left_j = left_j - polled.spent_j
         stores = world.storage.after(state, come_j, available_j, left_j)
 
-        ages = self._ages(state, split, heard_index, heard_offset, delivered, polled)
+        packets = cast(xp, delivered, state.age.dtype)
+        if received is not None and received.chosen.share is not None:
+            packets = received.chosen.share
+        ages = self._ages(state, split, heard_index, heard_offset, packets, polled)
         spent_by_all_j = _over_auvs(xp, spent_j)
         if polled is not None:
             spent_by_all_j = spent_by_all_j + nodes.sum(polled.spent_j)
@@ -142,6 +166,9 @@ class Transition:
             wander_m_per_s=state.wander_m_per_s
             if world.current is None
             else world.current.after(state, chance),
+            gain_db=state.gain_db if gain_db is None else gain_db,
+            gust_m_per_s=state.gust_m_per_s if conditions is None else conditions.gust_m_per_s,
+            packets=state.packets if received is None else state.packets + received.counts,
             sums=state.sums,
             **stores,
             **vehicle,
@@ -163,6 +190,7 @@ class Transition:
             drawn_j=drawn_j,
             stranded=stranded,
             **(self._none_polled if polled is None else polled.events),
+            **(self._none_lost if received is None else received.events),
         )
         if world.summed:
             more = [metric.values(world, new_state, events)[:, None] for metric in world.summed]
@@ -175,14 +203,20 @@ class Transition:
         split: Split,
         heard_index: Array,
         heard_offset: Array,
-        delivered: Array,
+        packets: Array,
         polled: Polled | None,
     ) -> _Ages:
-        """Ages and deliveries after the uplinks."""
+        """Ages and deliveries after the uplinks.
+
+        Args:
+            state: the state before the slot.
+            split, heard_index, heard_offset: of the nodes heard.
+            packets: (envs, auvs) float: which of them have delivered, or their expected share.
+            polled: what came of nodes polled beside.
+        """
         xp, nodes = self._world.backend.xp, self._world.nodes
         sampling = self._world.sampling
         # A node delivers to one AUV at most.
-        packets = cast(xp, delivered, state.age.dtype)
         age_reset = -packets * nodes.gather(state.age, heard_index)
         if sampling.is_continuous:
             if polled is None:
@@ -192,7 +226,10 @@ class Transition:
             age_reset = age_reset + packets * reset_to
         age = nodes.scatter_add(state.age, heard_index, age_reset)
         if polled is not None:
-            age = xp.where(polled.delivers, polled.reset_to, age)
+            if polled.share is None:
+                age = xp.where(polled.delivers, polled.reset_to, age)
+            else:
+                age = age + polled.share * (polled.reset_to - age)
         age, uncut = advance(xp, age, self._maximum_age)
         # Whole numbers, whose sums are exact, but for packets that are younger than a slot.
         total_age = nodes.sum(age)
@@ -204,7 +241,8 @@ class Transition:
             capped_ages = nodes.sum(uncut) - total_age
         deliveries = nodes.scatter_add(state.deliveries, heard_index, packets)
         if polled is not None:
-            deliveries = deliveries + cast(xp, polled.delivers, deliveries.dtype)
+            arrived = cast(xp, polled.delivers, deliveries.dtype)
+            deliveries = deliveries + (arrived if polled.share is None else polled.share)
         return _Ages(age, deliveries, mean_age, counted_age, capped_ages)
 
     def addressed(self, node_cell: Array, cell: Array, charged: Array, heard: Array) -> Addressed:
@@ -257,6 +295,9 @@ class Transition:
             heard_available_j: (envs, auvs) energy of the nodes heard after that.
         """
         sends = self._world.duplex.sends(split, heard_available_j)
+        if self._world.fades:
+            # The harvest may have been less than what the split has counted on.
+            sends = sends & (heard_available_j >= split.required_j)
         if hears is not None:
             sends = sends & hears
         if not self._world.storage.is_limited:

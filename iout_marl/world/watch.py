@@ -14,7 +14,7 @@ import numpy as np
 
 from iout_marl.core.limits import unheard
 from iout_marl.core.split import Split
-from iout_marl.parts import Call, Heard, Request, Rest
+from iout_marl.parts import Blowing, Call, Heard, Request, Rest
 from iout_marl.physics.arrays import Array
 from iout_marl.registry import on_change
 from iout_marl.scenario import Scenario
@@ -341,6 +341,39 @@ def _look_at_storage(watch: _Watch, _: Any) -> None:
     storage.sleeps = watch.over(storage.sleeps, look_at_flags)
 
 
+def _look_at_fading(watch: _Watch, _: Any) -> None:
+    world = watch.world
+    if not world.fades:
+        return
+    fading = world.reception.fading
+    shapes = {"(envs, auvs, nodes)": (world.num_envs, world.num_auvs, world.num_nodes)}
+
+    def look(gain_db: Any, *_: Any) -> None:
+        watch.array("gain_db", gain_db, shapes)
+        watch.finite("gain_db", gain_db)
+
+    fading.gain_db = watch.over(fading.gain_db, look)
+
+
+def _look_at_wind(watch: _Watch, _: Any) -> None:
+    world = watch.world
+    if world.reception is None or world.reception.wind is None:
+        return
+    wind = world.reception.wind
+    columns = (world.num_envs, int(wind.is_drawn))
+
+    def look(blowing: Any, *_: Any) -> None:
+        if not isinstance(blowing, Blowing):
+            raise watch.settings.entry.fault(f"blowing must return a Blowing, not {short(blowing)}")
+        watch.array("speed_m_per_s", blowing.speed_m_per_s, {"(envs, 1)": (world.num_envs, 1)})
+        watch.array("gust_m_per_s", blowing.gust_m_per_s, {"(envs, 1 or 0)": columns})
+        for name, values in blowing._asdict().items():
+            watch.finite(name, values)
+        watch.need(blowing.speed_m_per_s >= 0, "speed_m_per_s must not be negative")
+
+    wind.blowing = watch.over(wind.blowing, look)
+
+
 def _look_at_entry(watch: _Watch, path: tuple[str | int, ...]) -> None:
     world = watch.world
     entries = list(world.observer.entries)
@@ -366,6 +399,8 @@ _LOOKS: dict[str, Callable[[_Watch, Any], None]] = {
     "duplex": _look_at_split,
     "beta rule": _look_at_split,
     "storage": _look_at_storage,
+    "fading": _look_at_fading,
+    "wind": _look_at_wind,
     "observation entry": _look_at_entry,
 }
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from iout_marl.arrays.backend import Backend
 from iout_marl.arrays.nodes import NodeAxis
-from iout_marl.core.chance import Chance, shape_of
+from iout_marl.core.chance import Chance
 from iout_marl.core.credit import Credit
 from iout_marl.core.current import CurrentField
 from iout_marl.core.grid import Grid
@@ -39,13 +39,14 @@ from iout_marl.scenario import AnyScenario, Overrides, load_scenario
 from iout_marl.scenario.parts import outside_parts
 from iout_marl.whole import MAX_SEED, whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
-from iout_marl.world.chance import ChanceStream, completed, draws_of
+from iout_marl.world.chance import ChanceStream, check_chance, draws_of, expected
 from iout_marl.world.manoeuvre import Manoeuvre
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
 from iout_marl.world.outcomes import Outcomes, outcomes, polled_outcomes
 from iout_marl.world.placement import node_codes
+from iout_marl.world.reception import Reception, may_differ, nothing
 from iout_marl.world.transition import Transition
 from iout_marl.world.watch import check_first_slot
 
@@ -79,6 +80,8 @@ class World:
         current: the current of the water; None where it is still.
         num_envs, num_auvs, num_nodes, num_slots: sizes of the batch, of the fleet, of the
             network, of an episode.
+        reception: gains, noise and losses; None where nothing differs from slot to slot.
+        fades: whether levels of links change from slot to slot.
         may_be_idle: whether an AUV may charge and hear nobody, which is K: by choice
             (`auvs.idle_choices`), or for want of energy.
         chance: what a slot draws of each environment, by field of `Chance`; empty where the
@@ -156,6 +159,8 @@ class World:
         self.duplex: Duplex = at_work(scenario.duplex, context)
         self.access: Access = at_work(scenario.channel.access, context)
         self.hearing: Hearing = at_work(scenario.hearing, context)
+        self.reception = Reception(scenario, context) if may_differ(scenario) else None
+        self.fades = self.reception is not None and self.reception.fades
         self.reward_part: Reward = at_work(scenario.reward, context)
         self.observer = Observer(scenario, context)
         self.action_mask = ActionMask(
@@ -172,7 +177,7 @@ class World:
         self._check_layout = LayoutCheck((num_envs, self.num_nodes), self.grid)
         self._check_action = ActionCheck(num_envs, self.num_auvs, self.action_sizes)
         self.chance = draws_of(scenario)
-        self.expected = self._expected() if self.chance else None
+        self.expected = expected(backend, self.chance, num_envs) if self.chance else None
         self.transition = Transition(self)
         self._check_parts(library, dtype, device)
 
@@ -228,8 +233,14 @@ class World:
             wander_m_per_s=backend.zeros((self.num_envs, 0))
             if self.current is None
             else self.current.first(self.num_envs),
+            **self._first_of_sea(),
             sums=backend.zeros((self.num_envs, len(self.summed))),
         )
+
+    def _first_of_sea(self) -> dict[str, Array]:
+        if self.reception is None:
+            return nothing(self.backend, self.num_envs, self.num_auvs)
+        return self.reception.first(self.num_envs)
 
     def _drawn(self, seed: int | None) -> npt.NDArray[np.int64]:
         return node_codes(self.scenario, self.grid, self._streams(seed))
@@ -252,14 +263,6 @@ class World:
         """
         stream = ChanceStream(self.scenario, self._streams(seed))
         return (chance and chance.map(self.backend.floats) for chance in stream)
-
-    def _expected(self) -> Chance:
-        normal = {
-            name: self.backend.zeros(shape_of(name, self.chance, self.num_envs))
-            for name, draw in self.chance.items()
-            if draw.distribution == "normal"
-        }
-        return completed(normal, self.backend, {}, self.num_envs)
 
     def step(
         self, state: State, action: Array, chance: Chance | None = None
@@ -327,17 +330,8 @@ class World:
         if int(self.backend.xp.max(state.slot)) >= self.num_slots:
             raise RuntimeError(f"the episode is over, after {self.num_slots} slots: reset first")
         if chance is not None:
-            self._check_chance(chance)
+            check_chance(chance, self.chance, self.num_envs)
         return self.step(state, self.backend.integers(self._check_action(action)), chance)
-
-    def _check_chance(self, chance: Chance) -> None:
-        if not isinstance(chance, Chance):
-            raise InputError(f"chance must be a Chance, not {type(chance).__name__}")
-        for name, draw in self.chance.items():
-            found, expected = getattr(chance, name).shape, (self.num_envs, *draw.shape)
-            is_expected = draw.distribution == "uniform" and found[-1] == 0
-            if tuple(found) != expected and not is_expected:
-                raise InputError(f"chance: {name} must have the shape {expected}, not {found}")
 
     def reward_terms(self, state: State, events: Events) -> Mapping[str, Array]:
         """The terms of a slot's reward, (envs, auvs) each; `state` is that after the slot."""

@@ -75,11 +75,11 @@ def least_age_sum(scenario):
     return round(least_sum_over_time(scenario))
 
 
-def least_sum_over_time(scenario):
+def least_sum_over_time(scenario, seed=0):
     """The optimum: the least sum of ages over nodes and slots, or over time.
 
     States of the world are alike if cells, moves that are not over, ages and energies, those of
-    batteries too, are.
+    batteries too, are. What is left to chance is what the seed draws.
     """
     world = World(scenario)
     state = world.reset(node_codes(scenario, world.grid, [np.random.default_rng(0)]))
@@ -89,11 +89,13 @@ def least_sum_over_time(scenario):
         -1, world.num_auvs
     )
     actions = one_auv[choices]
+    chance = world.draw_chance(seed)
     for _ in range(scenario.num_slots):
-        rows = len(state.slot)
+        rows, drawn = len(state.slot), next(chance)
         batch = state.map(lambda array: np.repeat(array, len(actions), axis=0))
         step = World(scenario, rows * len(actions))
-        state, _ = step.step(batch, np.tile(actions, (rows, 1, 1)))
+        each = drawn and drawn.map(lambda a, n=step.num_envs: np.repeat(a, n, axis=0))
+        state, _ = step.step(batch, np.tile(actions, (rows, 1, 1)), each)
         under_way = state.transit_slots, np.where(state.transit_slots > 0, state.course, 0)
         energies = state.energy_j.round(6), state.battery_j.round(6)
         same = np.concatenate([state.cell, *under_way, state.age, *energies], axis=1)

@@ -172,9 +172,28 @@ def _of_modems(rng: np.random.Generator, settings: Settings, slot_s: float) -> S
         },
     }
     if rng.random() < 0.6:
+        found["channel"] |= _of_a_sea_that_changes(rng, slot_s)
+        found["uplink"] |= {
+            "loss": one_of("none", "threshold", "bpsk", "bpsk"),
+            "margin_db": one_of(0.0, 3.0),
+        }
+    if rng.random() < 0.6:
         found["harvester"] = {"kind": "aperture", "area_m2": one_of(0.02, 0.5), "efficiency": 0.5}
     if settings["duplex"]["kind"] == "tdd":
         found["duplex"] = {**settings["duplex"], "beta_rule": "airtime"}
     if rng.random() < 0.7:
         found["hearing"] = {"kind": "polling", "max_nodes_per_slot": int(rng.integers(2, 6))}
+    return found
+
+
+def _of_a_sea_that_changes(rng: np.random.Generator, slot_s: float) -> Settings:
+    """Shadowing and gusts, or none."""
+    found: Settings = {"wind_m_per_s": float(rng.choice([0.0, 8.0]))}
+    if rng.random() < 0.7:
+        coherence_s = slot_s * float(rng.choice([0.3, 10.0]))
+        sigma_db = float(rng.choice([1.0, 5.0]))
+        found["fading"] = {"kind": "shadowing", "sigma_db": sigma_db, "coherence_s": coherence_s}
+    if rng.random() < 0.7:
+        sigma = float(rng.choice([1.0, 6.0]))
+        found["wind"] = {"kind": "gauss_markov", "sigma_m_per_s": sigma, "coherence_s": 9 * slot_s}
     return found

@@ -13,7 +13,8 @@ from iout_marl import iout_v0
 from iout_marl.core.limits import reward_bounds
 from iout_marl.errors import InputError, Note
 from iout_marl.scenario import Scenario, load_scenario
-from iout_marl.world import World, node_codes
+from iout_marl.testing.recorded import permuted_chance
+from iout_marl.world import ChanceStream, World, node_codes
 
 #: Environments of a batch, at most, and scenarios that a short campaign sees at least.
 MOST_ENVS, FEWEST_SCENARIOS = 4096, 8
@@ -78,7 +79,10 @@ class Laws:
         law("a slot is counted", after.slot == before.slot + 1)
         law("nodes lie still", after.node_cell == before.node_cell)
         self._moves(before, action, after, events)
+        self._harvests(after, events)
         self._energies(before, after, events)
+        if self.scenario.uplink.part.loses:
+            self._losses(before, after, events)
         self._uplinks(before, after, events, mask)
         self._ages(before, after, events)
         self._seen(after)
@@ -167,21 +171,53 @@ class Laws:
         initial_j = hull.initial_share * hull.capacity_j
         close("batteries", gone_j, initial_j + after.docked_j, whole_j)
 
-    def _energies(self, before: Any, after: Any, events: Any) -> None:
+    def _harvests(self, after: Any, events: Any) -> None:
         link, nobody = self.world.link, self.world.num_nodes
         # Nobody harvests nothing and spends nothing: which node stands for it does not matter.
-        charged, heard = (np.minimum(n, nobody - 1) for n in (events.charged, events.heard))
+        charged = np.minimum(events.charged, nobody - 1)
         offset = link.offset(after.cell, np.take_along_axis(after.node_cell, charged, 1))
-        harvest_j = link.harvested_w[offset] * link.slot_s * (events.charged < nobody)
-        law("nobody spends nothing", (events.heard < nobody) | (events.spent_j == 0))
+        most_w = least_w = link.harvested_w[offset]
+        if self.world.fades:
+            gain_db = np.take_along_axis(after.gain_db, charged[..., None], 2)[..., 0]
+            loss_db = link.charging_loss_db[offset] - gain_db
+            most_w, least_w = (
+                link.budget.harvested_after_loss_w(loss_db + db) for db in (0.0, 0.0011)
+            )
+            # Far from the median a harvest rises no further.
+            least_w = np.minimum(least_w, link.most_harvested_w * (1 - 3e-4))
+        lasts_s = link.slot_s * (events.charged < nobody)
         if self.scenario.duplex.kind == "tdd":
             low, high = self.scenario.duplex.beta_min, self.scenario.duplex.beta_max
             beta = events.beta
             law("β", (beta == 0) | (beta == 1) | ((beta >= low) & (beta <= high)))
-            harvest_j = harvest_j * beta
+            lasts_s = lasts_s * beta
         else:
             law("β in FDD", events.beta == 0)
-        close("what is harvested", events.harvested_j, harvest_j)
+        most_j, least_j = most_w * lasts_s, least_w * lasts_s
+        law("no more is harvested", events.harvested_j <= most_j * (1 + 1e-9) + 1e-12)
+        law("no less is harvested", events.harvested_j >= least_j * (1 - 1e-9) - 1e-12)
+
+    def _losses(self, before: Any, after: Any, events: Any) -> None:
+        nobody = self.world.num_nodes
+        lost, excess_db = events.lost, events.excess_db
+        law("what is lost is not delivered", ~(lost[..., 0] & events.delivered))
+        law("what is lost is not delivered", ~(lost[..., 1:] & events.polled_delivered))
+        law("what is lost was sent", ~lost[..., 0] | (events.spent_j > 0) | (events.beta > 0))
+        law("who is lost was polled", ~lost[..., 1:] | (events.polled < nobody))
+        arrived = np.concatenate([events.delivered[..., None], events.polled_delivered], axis=2)
+        law("what is neither came to no ear", arrived | lost | (excess_db == 0))
+        if self.scenario.uplink.loss.kind == "threshold":
+            law("a threshold", (lost == (excess_db < -0.005)) | (abs(excess_db + 0.005) < 1e-9))
+        counts = after.packets - before.packets
+        weak = (lost & (excess_db < -0.005)).sum((1, 2))
+        law("packets lost too weak are counted", counts[:, 1] == weak)
+        law("packets lost are counted", counts[:, 1:].sum(-1) == lost.sum((1, 2)))
+        law("packets sent are counted", counts[:, 0] >= (arrived | lost).sum((1, 2)))
+
+    def _energies(self, before: Any, after: Any, events: Any) -> None:
+        nobody = self.world.num_nodes
+        charged, heard = (np.minimum(n, nobody - 1) for n in (events.charged, events.heard))
+        law("nobody spends nothing", (events.heard < nobody) | (events.spent_j == 0))
         come_j = before.energy_j.copy()
         np.add.at(come_j, (self.env, charged), events.harvested_j)
         available_j = np.minimum(come_j, self.store.get("capacity_j", np.inf))
@@ -238,7 +274,8 @@ class Laws:
         if access == "exclusive":
             law("one uplink in the network", delivered.sum(-1) <= 1)
         else:
-            law("nothing is spent for nothing", delivered | (events.spent_j == 0))
+            lost = events.lost[..., :1].any(-1)
+            law("nothing is spent for nothing", delivered | lost | (events.spent_j == 0))
         if self.scenario.duplex.kind == "fdd":
             link = self.world.link
             heard_cell = np.take_along_axis(after.node_cell, heard, 1)
@@ -246,7 +283,8 @@ class Laws:
             law("an uplink is paid", ~delivered | (available_j > price_j))
             hears = mask[..., -self.world.action_sizes[-1] :]
             may = np.take_along_axis(hears, heard[..., None], 2)[..., 0]
-            law("what is masked could not have paid", may | ~delivered)
+            # Masks go by the median.
+            law("what is masked could not have paid", may | ~delivered | self.world.fades)
 
     def _ages(self, before: Any, after: Any, events: Any) -> None:
         world, oldest = self.world, self.scenario.age.maximum
@@ -315,12 +353,14 @@ class Permuted:
         self.world = World(scenario, envs)
         self.state = self.world.reset(layout[:envs][:, self.order])
 
-    def compare(self, action: Any, after: Any, reward: Any) -> None:
+    def compare(self, action: Any, chance: Any, after: Any, reward: Any) -> None:
         """Play a slot, and compare it."""
         envs = self.world.num_envs
+        if chance is not None:
+            chance = permuted_chance(chance.map(lambda array: array[:envs]), self.order)
         own = action[:envs].copy()
         own[..., 1:] = self.place[own[..., 1:]]
-        self.state, events = self.world.step(self.state, own)
+        self.state, events = self.world.step(self.state, own, chance)
         law("permuted: cells", self.state.cell == after.cell[:envs])
         law("permuted: ages", self.state.age == after.age[:envs][:, self.order])
         close("permuted: energies", self.state.energy_j, after.energy_j[:envs][:, self.order])
@@ -371,6 +411,7 @@ def play_scenario(scenario: Scenario, num_envs: int, rng: np.random.Generator) -
     permuted = None if world.hearing.polls else Permuted(world, layout, len(few), rng)
     single = Single(scenario, seed)
     laws.begin(state)
+    chances = ChanceStream(scenario, [np.random.default_rng(seed + i) for i in range(num_envs)])
     half = num_envs // 2
     for slot in range(world.num_slots):
         mask = world.action_mask(state)
@@ -380,12 +421,13 @@ def play_scenario(scenario: Scenario, num_envs: int, rng: np.random.Generator) -
         if slot % 3 == 0 and world.num_nodes > 1:
             action[..., 1:] = np.minimum(action[..., 1:], 1)
         action[half:] = masked_actions(world, mask[half:], rng)
-        after, events = world.step(state, action)
+        chance = next(chances)
+        after, events = world.step(state, action, chance)
         law("a masked move stays in the grid", ~events.left_grid[half:])
         laws.slot(state, action, after, events, mask)
         reward = world.reward(after, events)
         if permuted is not None:
-            permuted.compare(action, after, reward)
+            permuted.compare(action, chance, after, reward)
         is_last = slot == world.num_slots - 1
         single.compare(action, world.observe(after), reward, is_last=is_last)
         state = after

@@ -4,6 +4,7 @@ import pytest
 from batteries import BATTERY
 from current_files import ORIGIN, WIDE
 from loss_tables import by_cells, by_range_and_depth
+from seas import ERRORS, GUSTS, SHADOWING, WIND
 
 from iout_marl.parts import Part, currents
 from iout_marl.registry import registries
@@ -22,7 +23,13 @@ MODEM = {
     "electronics_w": 0.8,
     "maximum_source_level_db": 118.0,
 }
-HULL = {key: value for key, value in BATTERY.items() if key != "kind"}
+
+
+def without_kind(settings):
+    return {key: value for key, value in settings.items() if key != "kind"}
+
+
+HULL = without_kind(BATTERY)
 #: Settings of kinds that need some, and more of kinds that do more by them.
 SETTINGS = {
     ("placement", "fixed"): [{"cells": CELLS}, {"cells": CELLS, "weights": [1, 2, 0, 1.5]}],
@@ -84,6 +91,10 @@ SETTINGS = {
     ],
     ("harvester", "aperture"): [{**APERTURE, "threshold_w": 1e-3}],
     ("hearing", "polling"): [{"max_nodes_per_slot": 1}, {"max_nodes_per_slot": 3}],
+    ("fading", "shadowing"): [without_kind(SHADOWING), {"sigma_db": 9.0, "coherence_s": 5.0}],
+    ("wind", "gauss_markov"): [without_kind(GUSTS)],
+    ("wind", "series"): [{"file": WIND}],
+    ("loss", "table"): [{"file": ERRORS}],
     ("uplink", "shannon"): [{"packet_bits": 30000, "bandwidth_hz": 3000}],
     ("uplink", "modem"): [MODEM, {**MODEM, "power_control": False}],
 }
@@ -113,6 +124,7 @@ OVERRIDES = {
         "harvester": {"kind": "aperture", **APERTURE},
         "uplink": {"kind": "modem", **MODEM},
     },
+    **{("wind", kind): {"channel.wind_m_per_s": 8.0} for kind in ("series", "gauss_markov")},
     ("uplink", "modem"): {**SEA, "harvester": {"kind": "aperture", **APERTURE}},
     ("beta rule", "airtime"): {
         **SEA,

@@ -7,6 +7,7 @@ import pytest
 from batteries import BATTERY
 from current_files import ORIGIN, WIDE
 from loss_tables import as_npz
+from seas import GUSTS, SHADOWING
 
 from iout_marl import InputError, Scenario, bundled_names, load_scenario
 from iout_marl.scenario import to_yaml
@@ -43,7 +44,7 @@ WHOLE = [
     load_scenario(
         "best/k3-fdd",
         {
-            "channel": {"kind": "sonar"},
+            "channel": {"kind": "sonar", "fading": SHADOWING, "wind": GUSTS},
             "harvester": {"kind": "aperture", "area_m2": 0.02, "efficiency": 0.5},
             "uplink": {
                 "kind": "modem",

@@ -55,7 +55,7 @@ WORDS = (
     "sonar", "fdd", "tdd", "paper", "stored", "mean_age", "scaled", "none", "info",
     "observation", "constant", "linear", "tanh", "relu", "running", "first_rollout",
     "orthogonal", "interference", "exclusive", "six", "hover", "team", "difference",
-    "own", "central", "adam", "AdamW", "mean", "airtime", "packet_start",
+    "own", "central", "adam", "AdamW", "mean", "airtime", "packet_start", "bpsk",
 )  # fmt: skip
 #: Names, keys with a single possible value, and a kind that needs other keys beside it.
 LEFT_OUT = {
@@ -75,6 +75,8 @@ LEFT_OUT = {
     "current.kind",
     "hearing",
     "channel.transmission",
+    "channel.fading",
+    "channel.wind",
 }
 #: Of some scenarios: keys that no other value goes with.
 DETERMINED = {
@@ -341,6 +343,8 @@ def test_scenario_of_a_run_folder_of_an_earlier_version(name, hash_then, world_h
         "  vehicle_energy_penalty_per_kj: 0.0",
         "  stranded_penalty: 0.0",
         "  transmission: formula",
+        "  fading: none",
+        "  wind: steady",
     ):
         text = text.replace(f"{key}\n", "")
     assert text == path.read_text(encoding="utf-8")

@@ -8,6 +8,7 @@ import types
 import pytest
 import torch
 from emulated_graph import EmulatedGraph, MemoryGoneError
+from seas import OF_ANY
 from test_accelerator import TWO_AUVS, assert_alike, needs_cuda
 from test_accelerator import VARIANTS as ON_ACCELERATORS
 from torch.utils._python_dispatch import TorchDispatchMode
@@ -23,6 +24,7 @@ from trainers.optimizers import Adam
 from trainers.timing import PhaseTimer
 
 VARIANTS = {
+    "a changing sea": OF_ANY,
     **ON_ACCELERATORS,
     "episodes across rollouts, all that is running": {
         "nodes": {"kind": "random", "count": 2},

@@ -12,6 +12,7 @@ import safetensors.torch
 import torch
 from forked import Iout
 from rich.console import Console
+from seas import OF_ANY
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from iout_marl import InputError
@@ -22,6 +23,7 @@ from trainers.runs import saving
 RANDOM_NODES = {"kind": "random", "count": 2}
 SIGNALS = [getattr(signal, n) for n in ("SIGHUP", "SIGINT", "SIGTERM") if hasattr(signal, n)]
 VARIANTS = {
+    "a changing sea": OF_ANY,
     "whole episodes": {},
     "mid-episode": {"training.rollout_slots": 13, "training.steps": 364},
     "random layouts, mid-episode": {

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from iout_marl import World
-from iout_marl.core.state import STORE_FIELDS, TRANSIT_FIELDS, VEHICLE_FIELDS
+from iout_marl.core.state import SEA_FIELDS, STORE_FIELDS, TRANSIT_FIELDS, VEHICLE_FIELDS
 from iout_marl.world import State, node_codes
 from trainers.accel import Runtime
 from trainers.collector import Collector
@@ -251,8 +251,8 @@ def test_state_is_a_snapshot(tiny):
     collect(collector, network, 13, use_mask=False)
     assert all(torch.equal(saved["state"][k], v) for k, v in before.items())
     # What a scenario has no use for is left out: here users' metrics, which alone are summed over
-    # slots, limits of stores and vehicles, nobody to name, nodes polled, moves that take
-    # several slots, and currents that wander.
+    # slots, limits of stores and vehicles, nobody to name, nodes polled, moves that take several
+    # slots, and a sea that changes.
     unused = {"sums", "unasked", "polled", *STORE_FIELDS, *VEHICLE_FIELDS, *TRANSIT_FIELDS}
-    unused.add("wander_m_per_s")
+    unused |= set(SEA_FIELDS)
     assert set(before) == set(State._fields) - unused

@@ -12,7 +12,7 @@ import numpy as np
 from oracle import Oracle
 
 from iout_marl.scenario import load_scenario
-from iout_marl.world import World, node_codes
+from iout_marl.world import ChanceStream, World, node_codes
 
 if TYPE_CHECKING:
     from iout_marl.scenario import Scenario
@@ -34,6 +34,7 @@ VEHICLES = (
     *("battery_j", "propulsion_j", "hotel_j", "charging_j", "docked_j"),
     *("distance_m", "stranded_slots"),
 )
+SEA = ("gain_db", "gust_m_per_s", "packets")
 STORES = ("spilled_j", "leaked_j", "idle_j", "asleep_slots")
 EVENTS = (
     *("left_grid", "blocked", "beta", "harvested_j", "delivered", "spent_j"),
@@ -62,6 +63,7 @@ class ExpectedSlot:
     terms: dict[str, list[Any]]
     metrics: dict[str, list[Any]]
     observation: list[Any]
+    chance: Any = None
 
 
 @dataclass
@@ -111,6 +113,9 @@ def what_happened(oracle: Oracle, capped_before: int, silenced_before: int) -> C
         seen[f"vehicle {what}"] += len(getattr(vehicles, what))
     for what in ("holding", "drifting", "aground"):
         seen[f"water: {what}"] += len(getattr(oracle.water, what))
+    seen["lost too weak"] += sum(excess < 0 for excess in oracle.sea.lost.values())
+    seen["lost by bit errors"] += sum(excess >= 0 for excess in oracle.sea.lost.values())
+    seen["lost when polled"] += sum(number > 0 for _, number in oracle.sea.lost)
     seen["collision"] += sum(e.spent_j > 0 and not e.delivered for e in oracle.events) > 1
     if oracle.scenario.hearing.kind == "polling":
         seen += kind_of_polling(oracle)
@@ -220,18 +225,27 @@ def play(case: Case) -> tuple[Scenario, list[ExpectedEpisode], Counter[str]]:
         cells = layouts(scenario, number)
         oracles = [Oracle(scenario, env_cells) for env_cells in cells]
         episode = ExpectedEpisode(cells, [oracle.observe() for oracle in oracles], [])
+        stream = ChanceStream(scenario, [np.random.default_rng([9, i]) for i in range(ENVS)])
         for _ in range(scenario.num_slots):
+            chance = next(stream)
             action = [biased_action(rng, env, oracle) for env, oracle in enumerate(oracles)]
-            for oracle, entries in zip(oracles, action, strict=True):
+            for env, (oracle, entries) in enumerate(zip(oracles, action, strict=True)):
                 before = oracle.capped_ages, oracle.silenced
-                oracle.step(entries)
+                oracle.step(entries, drawn_for(chance, env))
                 seen += what_happened(oracle, *before)
-            episode.slots.append(_expected_slot(action, oracles))
+            episode.slots.append(_expected_slot(action, oracles, chance))
         episodes.append(episode)
     return scenario, episodes, seen
 
 
-def _expected_slot(action: list[Any], oracles: list[Oracle]) -> ExpectedSlot:
+def drawn_for(chance: Any, env: int) -> dict[str, Any]:
+    """What was drawn for one environment, in lists, without what was not."""
+    if chance is None:
+        return {}
+    return {name: array[env].tolist() for name, array in chance._asdict().items() if array.size}
+
+
+def _expected_slot(action: list[Any], oracles: list[Oracle], chance: Any) -> ExpectedSlot:
     def by_name(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
         return {name: [row[name] for row in rows] for name in rows[0]}
 
@@ -252,9 +266,11 @@ def _expected_slot(action: list[Any], oracles: list[Oracle]) -> ExpectedSlot:
                 name: np.array([getattr(oracle.vehicles, name) for oracle in with_batteries])
                 for name in of_vehicles
             },
+            **{name: np.array([getattr(o.sea, name) for o in oracles]) for name in SEA},
         },
         {name: [[getattr(e, name) for e in o.events] for o in oracles] for name in EVENTS},
         by_name([oracle.reward_terms() for oracle in oracles]),
         by_name([oracle.metrics() for oracle in oracles]),
         [oracle.observe() for oracle in oracles],
+        chance,
     )

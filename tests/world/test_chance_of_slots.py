@@ -59,7 +59,7 @@ def test_environments_that_begin_anew_leave_the_others_alone(drawing, monkeypatc
     stream = ChanceStream(drawing, streams(0, 1))
     before = numbers(stream, 4)
     kept = [each.map(np.copy) for each in before]
-    stream.restart({1: np.random.default_rng(9)})
+    stream.restart([1], {1: np.random.default_rng(9)})
     after = numbers(stream, 4)
     assert_same(before, kept)
     first = [each.map(lambda a: a[:1]) for each in before + after]

@@ -405,6 +405,7 @@ def test_a_training_goes_on_with_what_chance_has_added(tiny):
     assert "wander_m_per_s" not in saved["state"]
 
 
+@pytest.mark.filterwarnings("ignore:tour and planner plan for")
 @pytest.mark.parametrize("policy", ["tour", "return"])
 def test_policies_play_where_it_wanders(tiny, policy):
     found = evaluate(tiny({"vehicle": MOTOR, "current": WANDERING}), policy, 1)

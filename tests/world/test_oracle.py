@@ -14,6 +14,7 @@ from loss_tables import by_cells, by_range_and_depth
 from oracle_episodes import ENVS, Case, codes, play
 
 from iout_marl.scenario import bundled_names
+from iout_marl.scenario.data_files import DataFile
 from iout_marl.world import World
 
 #: Relative and absolute: rounding alone, in sums over an episode.
@@ -149,6 +150,22 @@ MODEM = {
         "electronics_w": 0.8,
         "maximum_source_level_db": 151.0,
         "required_snr_db": 30.0,
+    },
+}
+#: A sea that changes, and modems that need so little that bit errors show, too.
+SHADOWING = {"kind": "shadowing", "sigma_db": 3.0, "coherence_s": 400.0}
+GUSTS = {"kind": "gauss_markov", "sigma_m_per_s": 5.0, "coherence_s": 900.0}
+WIND = DataFile("wind.csv", b"time_s,wind_m_per_s\n0,12\n1500,2\n3000,18\n6000,9\n")
+ERRORS = DataFile("errors.csv", b"snr_db,packet_error_rate\n20,1\n25,0.6\n28,0.2\n40,0.05\n")
+ROUGH_MODEM = {
+    **MODEM,
+    "channel.fading": SHADOWING,
+    "uplink": {
+        **MODEM["uplink"],
+        "required_snr_db": 7.0,
+        "maximum_source_level_db": 128.0,
+        "margin_db": 1.0,
+        "loss": "bpsk",
     },
 }
 MODEM_TDD = {**MODEM, "duplex.beta_rule": "airtime"}
@@ -772,6 +789,71 @@ CASES = {
         },
         tolerance=TABULATED,
     ),
+    "shadowing-fdd": Case("paper/k3-fdd", FDD, {**MODEM, "channel.fading": SHADOWING}),
+    "shadowing-bpsk-fdd": Case(
+        "paper/k3-fdd",
+        (FDD | {"lost too weak", "lost by bit errors"}) - {"overserved node"},
+        {**ROUGH_MODEM, "channel.wind": GUSTS},
+    ),
+    "shadowing-bpsk-two-auvs-fdd": Case(
+        "paper/k3-fdd",
+        (FDD | SHARED | {"lost too weak", "lost by bit errors"}) - {"overserved node"},
+        {**ROUGH_MODEM, "storage": MODEM_STORES, **TWO_AUVS},
+    ),
+    "shadowing-threshold-tdd": Case(
+        "paper/k3-fdd",
+        {"both", "delivery", "no delivery", "lost too weak"},
+        {
+            **ROUGH_MODEM,
+            "uplink.loss": "threshold",
+            "duplex": {"kind": "tdd", "beta_rule": "airtime"},
+            **TWO_AUVS,
+        },
+    ),
+    "wind-series-table-fdd": Case(
+        "paper/k3-fdd",
+        {"delivery", "lost too weak", "lost by bit errors"},
+        {
+            **MODEM,
+            "channel.wind": {"kind": "series", "file": WIND},
+            "uplink.loss": {"kind": "table", "file": ERRORS},
+            "uplink.power_control": False,
+            "uplink.required_snr_db": 25.0,
+        },
+    ),
+    "gusts-threshold-exclusive-fdd": Case(
+        "paper/k3-fdd",
+        {"delivery", "lost too weak", "collision"},
+        {
+            **MODEM,
+            "channel.wind": GUSTS,
+            "uplink.loss": "threshold",
+            "channel.access": "exclusive",
+            **TWO_AUVS,
+        },
+    ),
+    "polling-losses-fdd": Case(
+        "paper/k5-fdd",
+        POLLS | {"lost when polled", "lost too weak", "lost by bit errors"},
+        {
+            **ROUGH_MODEM,
+            "charging.power_w": 400,
+            "hearing": {**POLL, "max_nodes_per_slot": 3},
+            "age.sampling": "packet_start",
+            **TWO_AUVS,
+        },
+    ),
+    "polling-losses-exclusive-fdd": Case(
+        "paper/k5-fdd",
+        {"polled and lost", "lost when polled", "lost too weak"},
+        {
+            **ROUGH_MODEM,
+            "charging.power_w": 400,
+            "channel.access": "exclusive",
+            "hearing": {**POLL, "max_nodes_per_slot": 3},
+            **TWO_AUVS,
+        },
+    ),
     "other-hardware-fdd": Case(
         "paper/k3-fdd",
         FDD,
@@ -851,7 +933,8 @@ def test_world_agrees_with_the_oracle_in_every_slot(name, library):
         assert_same(world.observe(state), first, "first observation", tolerance)
         for i, slot in enumerate(episode.slots):
             action = library.asarray(np.asarray(slot.action, dtype=np.int64))
-            state, events = world.step(state, action)
+            chance = slot.chance and slot.chance.map(world.backend.floats)
+            state, events = world.step(state, action, chance)
             where = f"episode {number}, slot {i}"
             assert_same_slot(world, state, events, slot, where, tolerance)
 

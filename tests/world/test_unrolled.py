@@ -144,7 +144,7 @@ def test_lines_without_a_use_and_repeated_ones_are_left_out():
         lambda a: float(a[0]),
         np.argsort,
         LIBRARY.cumulative_sum,
-        lambda a: LIBRARY.astype(a, np.float32),
+        lambda a: LIBRARY.astype(a, np.int32),
         lambda a: a @ np.ones((2, 2)),
         lambda a: ~a,
         lambda a: a & a,

@@ -12,11 +12,13 @@ from iout_marl.core.pairs import Pairs
 from iout_marl.parts.absorption import Absorption
 from iout_marl.parts.access import Access
 from iout_marl.parts.base import Part
+from iout_marl.parts.fading import Fading
+from iout_marl.parts.wind import Wind
 from iout_marl.physics.arrays import Array, ArrayLike
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import Section, invalid
-from iout_marl.scenario.parts import PartOf
+from iout_marl.scenario.parts import PartOf, settings_of
 from iout_marl.scenario.parts import Settings as PartSettings
 from iout_marl.whole import is_number
 
@@ -55,6 +57,32 @@ class Channel(Part):
         """How AUVs share the band, before it belongs to a world."""
         access: Access = self.settings.access.part
         return access
+
+    @property
+    def fading(self) -> Fading:
+        """How levels change from slot to slot, before it belongs to a world."""
+        fading: Fading = _own(self.settings, "fading", "none")
+        return fading
+
+    @property
+    def wind(self) -> Wind:
+        """How the wind changes, before it belongs to a world."""
+        wind: Wind = _own(self.settings, "wind", "steady")
+        return wind
+
+    def noise_above_mean_db(
+        self, wind_m_per_s: ArrayLike, frequency_khz: float, bandwidth_hz: float
+    ) -> Array:
+        """By how much noise in a band is above that of `wind_m_per_s` of the scenario, in dB.
+
+        Of a channel that has a `wind`.
+
+        Args:
+            wind_m_per_s: speeds from 0, of any shape.
+            frequency_khz: in the middle of the band.
+            bandwidth_hz: its width.
+        """
+        raise NotImplementedError
 
     def need_physical_levels(self, path: tuple[str, ...], what: str) -> None:
         """Refuse what takes levels in consistent units, where this channel's are none.
@@ -123,6 +151,8 @@ class Channel(Part):
     def check(self, scenario: Scenario) -> None:
         self.access.check(scenario)
         self.settings.absorption.part.check(scenario)
+        self.fading.check(scenario)
+        self.wind.check(scenario)
 
     def check_stated(self, scenario: Scenario) -> None:
         if not isinstance(self.has_physical_levels, bool):
@@ -152,6 +182,12 @@ class Channel(Part):
                     )
                 if np.isnan(found).any():
                     raise self.fault(f"{name}: is not a number at {khz:g} kHz")
+
+
+def _own(settings: Any, key: str, kind: str) -> Any:
+    """The part that a key of the channel names; that of a kind where it has no such key."""
+    found = getattr(settings, key, None)
+    return settings_of(key, {"kind": kind}).part if found is None else found.part
 
 
 channels: Registry[type[Channel]] = Registry("channel", Channel)

@@ -41,7 +41,8 @@ class Sonar(Channel):
         )
         #: Shipping activity of Wenz's noise, from 0 to 1.
         shipping: Fraction = 0.5
-        #: Wind speed of Wenz's noise.
+        #: Wind speed of Wenz's noise; its mean, where `wind` changes it. Nodes set the power of
+        #: their uplinks by it.
         wind_m_per_s: Annotated[NonNegative, Field(le=1000), Plausible(0, 100, "m/s")] = 0.0
         #: Electro-acoustic efficiency of a node's transmitter.
         uplink_efficiency: Efficiency = 0.5
@@ -53,9 +54,20 @@ class Sonar(Channel):
             "formula", validate_default=True
         )
 
+        #: By what the levels of links change from slot to slot, of charging and of uplinks.
+        fading: Annotated[PartSettings, PartOf("fading", is_word=True)] = Field(
+            "none", validate_default=True
+        )
+        #: How the wind changes, whose noise packets get lost in (`uplink.loss`).
+        wind: Annotated[PartSettings, PartOf("wind", is_word=True)] = Field(
+            "steady", validate_default=True
+        )
+
         hash_defaults: ClassVar[dict[str, Any]] = {
             **Shared.hash_defaults,
             "transmission": "formula",
+            "fading": "none",
+            "wind": "steady",
         }
 
     settings: Settings
@@ -103,6 +115,18 @@ class Sonar(Channel):
         return physics.sonar_transmit_power_w.unchecked(
             1.0, loss_db, noise, sea.uplink_efficiency, sea.uplink_directivity_index_db
         )
+
+    def noise_above_mean_db(
+        self, wind_m_per_s: ArrayLike, frequency_khz: float, bandwidth_hz: float
+    ) -> Array:
+        sea = self.settings
+        now, mean = (
+            physics.ambient_noise_band_level_db.unchecked(
+                frequency_khz, bandwidth_hz, sea.shipping, wind
+            )
+            for wind in (wind_m_per_s, sea.wind_m_per_s)
+        )
+        return now - mean
 
     def as_uplink_w(self, acoustic_w: float) -> float:
         # Uplinks are in electric power, through a projector of their own.

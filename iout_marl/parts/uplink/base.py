@@ -6,10 +6,12 @@ import numpy as np
 
 from iout_marl.parts.base import Part
 from iout_marl.parts.channel import Channel
+from iout_marl.parts.loss import Loss
 from iout_marl.physics.arrays import Array, ArrayLike
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import SMALLEST, invalid
+from iout_marl.scenario.parts import settings_of
 from iout_marl.whole import is_number, short
 
 
@@ -24,6 +26,32 @@ class Uplink(Part):
     """
 
     fills_its_time: bool = False
+
+    @property
+    def loses(self) -> bool:
+        """Whether packets that were sent may get lost."""
+        return self.loss.loses
+
+    @property
+    def loss(self) -> Loss:
+        """Which packets get lost, before it belongs to a world."""
+        loss: Loss = settings_of("loss", {"kind": "none"}).part
+        return loss
+
+    @property
+    def required_snr_db(self) -> float:
+        """Signal over noise in the band that packets need, where they may be lost."""
+        raise NotImplementedError
+
+    def excess_db(self, power_per_snr_w: ArrayLike, channel: Channel) -> Array:
+        """Signal over noise at the receiver in the median, less `required_snr_db`, in dB.
+
+        Where packets may be lost; of those that cannot be sent it is of no consequence.
+
+        Args:
+            power_per_snr_w, channel: as of `required_energy_j`.
+        """
+        raise NotImplementedError
 
     @property
     def packet_bits(self) -> float:
@@ -76,6 +104,7 @@ class Uplink(Part):
 
     def check(self, scenario: Scenario) -> None:
         """Refuse parts that weigh the time of an uplink by Shannon's rate, where it is not that."""
+        self.loss.check(scenario)
         if self.fills_its_time:
             return
         kind, access = self.settings.kind, scenario.channel.part.access

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
 from iout_marl import physics
 from iout_marl.parts.channel import Channel
+from iout_marl.parts.loss import Loss
 from iout_marl.parts.uplink.base import Uplink, uplinks
 from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
 from iout_marl.scenario import Scenario
@@ -19,6 +20,7 @@ from iout_marl.scenario.fields import (
     Positive,
     invalid,
 )
+from iout_marl.scenario.parts import PartOf
 from iout_marl.scenario.parts import Settings as PartSettings
 
 
@@ -50,6 +52,15 @@ class Modem(Uplink):
         required_snr_db: Annotated[float, Field(ge=-100, le=100), Plausible(-30, 40, "dB")] = 10.0
         #: Whether it sends just as loud as the distance needs; if not, always at its loudest.
         power_control: bool = True
+        #: By how much louder it sends than that, where it can, against what it does not know of:
+        #: shadowing and wind.
+        margin_db: Annotated[float, Field(ge=0, le=100), Plausible(0, 40, "dB")] = 0.0
+        #: Which packets get lost by what they arrive with.
+        loss: Annotated[PartSettings, PartOf("loss", is_word=True)] = Field(
+            "none", validate_default=True
+        )
+
+        hash_defaults: ClassVar[dict[str, Any]] = {"margin_db": 0.0, "loss": "none"}
 
     settings: Settings
 
@@ -83,18 +94,39 @@ class Modem(Uplink):
         num_bands: int,
     ) -> Array:
         own = self.settings
-        # The level of an omnidirectional source of so much acoustic power, and the other way round.
-        loudest_w = channel.as_uplink_w(
-            10 ** ((own.maximum_source_level_db - physics.REFERENCE_LEVEL_DB) / 10)
-        )
+        loudest_w = self._loudest_w(channel)
         xp, needed_w, takes_s, there_are_s = as_arrays(
             10 ** (own.required_snr_db / 10) * power_per_snr_w,
             self.least_time_s(distance_m, num_bands),
             uplink_s,
         )
-        transmit_w = needed_w if own.power_control else xp.zeros_like(needed_w) + loudest_w
+        transmit_w = xp.zeros_like(needed_w) + loudest_w
+        if own.power_control:
+            transmit_w = xp.minimum(needed_w * 10 ** (own.margin_db / 10), transmit_w)
         energy_j = physics.modem_energy_j.unchecked(
             transmit_w, own.electronics_w, self.packet_bits, own.bit_rate_bps / num_bands
         )
         arrives = (needed_w <= loudest_w) & (takes_s <= there_are_s)
         return xp.where(arrives, energy_j, xp.zeros_like(energy_j) + float("inf"))
+
+    def _loudest_w(self, channel: Channel) -> float:
+        # The level of an omnidirectional source of so much acoustic power, and the other way round.
+        loudest_db = self.settings.maximum_source_level_db
+        return channel.as_uplink_w(10 ** ((loudest_db - physics.REFERENCE_LEVEL_DB) / 10))
+
+    @property
+    def loss(self) -> Loss:
+        loss: Loss = self.settings.loss.part
+        return loss
+
+    @property
+    def required_snr_db(self) -> float:
+        return self.settings.required_snr_db
+
+    def excess_db(self, power_per_snr_w: ArrayLike, channel: Channel) -> Array:
+        own = self.settings
+        xp, needed_w = as_arrays(10 ** (own.required_snr_db / 10) * power_per_snr_w)
+        room_db = 10 * xp.log10(self._loudest_w(channel) / needed_w)
+        if not own.power_control:
+            return room_db
+        return xp.minimum(room_db, xp.zeros_like(room_db) + own.margin_db)
