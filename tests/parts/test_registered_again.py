@@ -207,6 +207,7 @@ def drawn(scenario):
     return as_picture(Snapshot.from_world(world, *after))
 
 
+@pytest.mark.filterwarnings("ignore:tour and planner plan for")
 @every_pair_of_a_world
 def test_policies_and_plans(pairs, monkeypatch):
     for name, breadth in FEW.items():
@@ -261,6 +262,7 @@ def trained(scenario):
     return measured, {name: weight.numpy() for name, weight in trainer.weights().items()}
 
 
+@pytest.mark.filterwarnings("ignore:tour and planner plan for")
 @every_pair_of_a_world
 def test_reports(pairs, tmp_path):
     """Those of a study: but for the name and the hash."""
