@@ -194,8 +194,8 @@ class Laws:
         else:
             law("β in FDD", events.beta == 0)
         most_j, least_j = most_w * lasts_s, least_w * lasts_s
-        law("no more is harvested", events.harvested_j <= most_j * (1 + 1e-9) + 1e-12)
-        law("no less is harvested", events.harvested_j >= least_j * (1 - 1e-9) - 1e-12)
+        law("what is harvested is no more", events.harvested_j <= most_j * (1 + 1e-9) + 1e-12)
+        law("what is harvested is no less", events.harvested_j >= least_j * (1 - 1e-9) - 1e-12)
 
     def _losses(self, before: Any, after: Any, events: Any) -> None:
         nobody = self.world.num_nodes

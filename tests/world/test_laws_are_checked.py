@@ -11,12 +11,14 @@ from iout_marl.tracing.unrolled import unrolled_slot
 from iout_marl.world import transition
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
+from iout_marl.world.reception import Reception
 from iout_marl.world.world import World
 
 pytestmark = pytest.mark.slow
 
 MASK, REWARD = ActionMask.__call__, World.reward
 SPLIT, WHOLE = StoredRule.split, FrequencyDivision.split
+COUNTS = Reception._counts
 
 
 def _allows_every_direction(self, state):
@@ -62,6 +64,10 @@ BROKEN = {
         "permuted: rewards",
     ),
     "a β out of its interval": ((StoredRule, "split", _shifts_beta), "β|what is harvested"),
+    "lost packets that nobody counts": (
+        (Reception, "_counts", lambda self, judged: COUNTS(self, judged) * 0),
+        "packets ",
+    ),
     "one node for two AUVs": (
         (Interference, "to_nearest", lambda self, request: request.sends),
         "a node delivers once|energies",
