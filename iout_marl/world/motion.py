@@ -206,6 +206,12 @@ class Mover:
         is_first = directions == 0
         return self._xp.where(state.transit_slots[..., None] > 0, is_first, inside)
 
+    def are_near(self, cell: Array, other: Array) -> Array:
+        """Whether AUVs may not be in both cells at a time, of codes that broadcast."""
+        if not self._keeps_apart:
+            return (cell != cell) | (other != other)
+        return lookup(self._xp, self._too_near, cell - other + self._origin)
+
     def neighbours(self, cell: Array) -> Array:
         """The cell that a move in each direction ends in: (envs, auvs, directions) codes."""
         return lookup(self._xp, self.neighbour, self._every_direction(cell))

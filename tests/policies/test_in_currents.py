@@ -40,7 +40,7 @@ def test_return_keeps_enough_for_a_way_home_against_the_current():
         policy, state = Return(), world.reset(seed=0)
         policy.act(world, state, np.random.default_rng(0))
         home_j = policy._energy_home_j(world)
-        left.append(home_j[state.cell[0, 0]])
+        left.append(home_j[0, state.cell[0, 0]])
     assert left[1] > 2 * left[0]
 
 

@@ -79,3 +79,36 @@ def test_an_episode_begins_anew():
     policy, world = make_baseline("return"), World(scenario)
     episodes = [[state.cell for state, _ in play(world, policy)] for _ in range(2)]
     assert np.array_equal(*episodes)
+
+
+#: Docks that are shared, side by side, in the way of others, and far from starts.
+FLEETS = {
+    "a dock for two": ([[7, 5, 1]], [[6, 5, 1], [8, 5, 1]], 14.4e6),
+    "berths side by side": ([[7, 5, 1], [7, 6, 1]], [[6, 5, 1], [8, 5, 1]], 14.4e6),
+    "a row of berths": (
+        [[5, 5, 1], [6, 5, 1], [7, 5, 1]],
+        [[4, 2, 1], [8, 8, 1], [12, 5, 1], [13, 4, 1]],
+        14.4e6,
+    ),
+    "in one another's way": ([[7, 6, 1], [2, 7, 1]], [[7, 9, 1], [8, 1, 1]], 5e6),
+    "a dock for three": ([[5, 5, 1]], [[11, 9, 1], [2, 3, 1], [5, 5, 1]], 14.4e6),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("docks", "starts", "capacity_j"), FLEETS.values(), ids=FLEETS)
+def test_several_auvs_get_past_one_another_to_their_docks(docks, starts, capacity_j):
+    changes = {
+        "grid.cells": [13, 9, 3],
+        "grid.spacing_m": [200, 200, 20],
+        "nodes.cells": [[x, y, 3] for y in (2, 5, 8) for x in (2, 5, 9, 12)],
+        "auvs.start_cells": [[x, y, 2] for x, y, _ in starts],
+        "auvs.speed_m_per_s": 2.0,
+        "episode.duration_s": 86_400,
+        "vehicle.capacity_j": capacity_j,
+        "vehicle.docks": [[x, y, 2] for x, y, _ in docks],
+        "vehicle.dock_power_w": 3000,
+    }
+    found = evaluate(load_scenario("sea/bay", changes), "return", 1).metrics
+    assert found["stranded_share"].mean == 0
+    assert found["docked_kj"].mean > 2 * capacity_j / 1000
