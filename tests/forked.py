@@ -4,6 +4,7 @@ It is a process in every respect: files, locks, signals, exit status. Only how P
 tested so: where that matters, tests run `python -m iout_marl`.
 """
 
+import importlib
 import multiprocessing
 import os
 import signal
@@ -16,7 +17,8 @@ from multiprocessing import reduction
 PATIENCE_S = 120
 PRELOADED = [
     *("forked", "iout_marl.cli", "iout_marl.study.run", "trainers.training"),
-    *("torch.utils.tensorboard", "matplotlib.figure"),
+    *("torch.utils.tensorboard", "matplotlib.figure", "iout_marl.paper", "jinja2", "plotly"),
+    *("distributed.cli.dask_scheduler", "distributed.cli.dask_worker"),
 ]
 #: What a stream can be, besides a descriptor or the path of a file.
 PIPE, CLOSED = "pipe", "closed"
@@ -61,9 +63,13 @@ def _open_streams(descriptors, encoding):
         setattr(sys, f"__{names[number]}__", stream)
 
 
-def _be_iout(words, descriptors, folder, environment, before, leads):
+def _be_iout(words, descriptors, folder, environment, before, leads, forks, program):
     if leads:
         os.setsid()
+    if forks:
+        from iout_marl.study.pools import LocalProcesses
+
+        LocalProcesses.context = multiprocessing.get_context("fork")
     os.environ.clear()
     os.environ.update(environment)
     tempfile.tempdir = None  # what was found in another environment
@@ -77,11 +83,9 @@ def _be_iout(words, descriptors, folder, environment, before, leads):
     sys.orig_argv = [sys.executable, "-m", "iout_marl", *words]
     import torch
 
-    from iout_marl.cli import main
-
     torch.set_num_threads(1)
     exec(before, {})
-    main()
+    importlib.import_module(program).main()
 
 
 class Iout:
@@ -96,10 +100,22 @@ class Iout:
             encoding of streams.
         folder: in which it works.
         leads: whether it leads a session of its own.
+        forks: whether workers of studies are copies of it, which need not import anything. None of
+            its libraries has threads then that could be lost.
+        program: the module whose `main` it runs, of another command than `iout`.
     """
 
     def __init__(
-        self, words, before="", *, streams=(PIPE, PIPE, PIPE), env=None, folder=None, leads=False
+        self,
+        words,
+        before="",
+        *,
+        streams=(PIPE, PIPE, PIPE),
+        env=None,
+        folder=None,
+        leads=False,
+        forks=False,
+        program="iout_marl.cli",
     ):
         env = dict(os.environ if env is None else env)
         encoding = env.get("PYTHONIOENCODING") or None
@@ -123,6 +139,8 @@ class Iout:
                 env,
                 before,
                 leads,
+                forks,
+                program,
             ),
         )
         self._process.start()

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+import forked
 from tiny_study import wait_for
 
 
@@ -14,10 +15,12 @@ class Cluster:
     Args:
         folder: for the log, and for what workers put down.
         workers: how many there are at first.
+        forks: whether its processes need not import anything.
     """
 
-    def __init__(self, folder, workers=2):
+    def __init__(self, folder, workers=2, *, forks=False):
         self.folder = folder
+        self.forks = forks
         self.started = []
         self.log = (folder / "cluster.log").open("w")
         file = folder / "scheduler.json"
@@ -33,10 +36,18 @@ class Cluster:
         return self._start("worker", self.address, *alone)
 
     def _start(self, kind, *words):
-        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *words]
-        output = {"stdout": self.log, "stderr": self.log}
+        program = f"distributed.cli.dask_{kind}"
         environment = {**os.environ, "TMPDIR": str(self.folder)}
-        self.started.append(subprocess.Popen(command, cwd=self.folder, env=environment, **output))
+        if self.forks:
+            streams = (forked.PIPE, self.log.fileno(), self.log.fileno())
+            options = {"streams": streams, "env": environment, "folder": self.folder}
+            self.started.append(forked.Iout(words, program=program, **options))
+        else:
+            output = {"stdout": self.log, "stderr": self.log}
+            command = [sys.executable, "-m", program, *words]
+            self.started.append(
+                subprocess.Popen(command, cwd=self.folder, env=environment, **output)
+            )
         return self.started[-1]
 
     def __enter__(self):
@@ -46,4 +57,6 @@ class Cluster:
         for process in self.started:
             process.kill()
             process.wait()
+            if self.forks:
+                process.close()
         self.log.close()

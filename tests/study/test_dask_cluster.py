@@ -24,7 +24,7 @@ from iout_marl.study.cluster import DaskCluster, LostClusterError
 def cluster(tmp_path):
     """A scheduler and two workers."""
     (tmp_path / "dask").mkdir()
-    with Cluster(tmp_path / "dask") as running:
+    with Cluster(tmp_path / "dask", forks=True) as running:
         yield running
 
 
@@ -42,7 +42,8 @@ def start(study, tmp_path):
     """Starts `iout reproduce` on the study."""
 
     def starter(*words):
-        return forked.Iout(("reproduce", "--study", study, "--out", tmp_path / "out", *words))
+        words = ("reproduce", "--study", study, "--out", tmp_path / "out", *words)
+        return forked.Iout(words, forks=True)
 
     return starter
 

@@ -29,15 +29,18 @@ def study(tmp_path):
 
 @pytest.fixture
 def start(study, tmp_path):
-    """Starts `iout reproduce` on the study; whatever is left of it is ended."""
+    """Starts `iout reproduce` on the study; whatever is left of it is ended.
+
+    Where what counts is how long cells last, not how workers begin, these are forked.
+    """
     started = []
     temporary = tmp_path / "temporary"
     temporary.mkdir()
 
-    def starter(*words):
-        words = ("reproduce", "--study", study, "--out", tmp_path / "out", *words)
+    def starter(*, forks=True):
+        words = ("reproduce", "--study", study, "--out", tmp_path / "out", "--jobs", "2")
         env = {**os.environ, "TMPDIR": str(temporary)}
-        started.append(forked.Iout(words, env=env, folder=tmp_path, leads=True))
+        started.append(forked.Iout(words, env=env, folder=tmp_path, leads=True, forks=forks))
         return started[-1]
 
     yield starter
@@ -51,7 +54,9 @@ def finished_cells(tmp_path):
 
 
 def workers_of(process):
-    return [p for p in psutil.Process(process.pid).children() if "spawn_main" in str(p.cmdline())]
+    """Its children but for the one that keeps count of semaphores."""
+    children = psutil.Process(process.pid).children()
+    return [p for p in children if "resource_tracker" not in str(p.cmdline())]
 
 
 def results(tmp_path):
@@ -59,7 +64,7 @@ def results(tmp_path):
 
 
 def test_a_killed_worker_costs_no_cell(start, tmp_path):
-    process = start("--jobs", "2")
+    process = start()
     wait_for(lambda: finished_cells(tmp_path))
     workers_of(process)[0].kill()
     _, told = process.communicate(timeout=PATIENCE_S)
@@ -69,7 +74,7 @@ def test_a_killed_worker_costs_no_cell(start, tmp_path):
 
 
 def test_a_killed_study_takes_its_workers_along_and_goes_on_where_it_was(start, tmp_path):
-    process = start("--jobs", "2")
+    process = start()
     wait_for(lambda: finished_cells(tmp_path))
     workers = workers_of(process)
     assert workers
@@ -79,7 +84,7 @@ def test_a_killed_study_takes_its_workers_along_and_goes_on_where_it_was(start, 
     assert list((tmp_path / "temporary").glob("iout-*")) == []
     before = {path: path.stat().st_mtime_ns for path in finished_cells(tmp_path)}
     assert 1 <= len(before) < CELLS
-    again = start("--jobs", "2")
+    again = start()
     _, told = again.communicate(timeout=PATIENCE_S)
     assert again.returncode == 0, told
     assert f"{len(before)} are there already" in told
@@ -90,7 +95,7 @@ def test_a_killed_study_takes_its_workers_along_and_goes_on_where_it_was(start, 
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT, signal.SIGTERM])
 def test_a_stopped_study_says_how_to_go_on(start, study, tmp_path, number):
     let_last(study)
-    process = start("--jobs", "2")
+    process = start()
     wait_for(lambda: finished_cells(tmp_path))
     process.send_signal(number)
     _, told = process.communicate(timeout=PATIENCE_S)
@@ -119,7 +124,7 @@ def test_a_signal_of_the_terminal_to_all_processes_makes_no_traceback(
 ):
     is_there, seconds = MOMENTS[moment]
     let_last(study)
-    process = start("--jobs", "2")
+    process = start(forks=False)
     wait_for(lambda: is_there(process, tmp_path))
     time.sleep(seconds)
     workers = workers_of(process)
