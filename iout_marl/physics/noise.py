@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
@@ -79,7 +81,7 @@ def ambient_noise_band_level_db(
         InputError: the band reaches down to 0 Hz, or an argument lies outside its range.
     """
     xp, f, bandwidth, s, w = as_arrays(frequency_khz, bandwidth_hz, shipping, wind_m_per_s)
-    _, nodes, weights, _ = as_arrays(*map(list, np.polynomial.legendre.leggauss(32)), f + bandwidth)
+    _, nodes, weights, _ = as_arrays(*_quadrature(), f + bandwidth)
     low_khz, high_khz = f - bandwidth / 2e3, f + bandwidth / 2e3
     half_log = xp.log(high_khz / low_khz) / 2
     # The points of the quadrature lie along an axis of their own, the last.
@@ -87,3 +89,10 @@ def ambient_noise_band_level_db(
     level = ambient_noise_spectral_level_db.unchecked(band_khz, s[..., None], w[..., None])
     power = xp.sum(weights * 10 ** (level / 10) * band_khz * 1e3, axis=-1)
     return 10 * xp.log10(power * half_log)
+
+
+@functools.cache
+def _quadrature() -> tuple[list[float], list[float]]:
+    """Points and weights of the Gauss-Legendre quadrature over −1 to 1."""
+    points, weights = np.polynomial.legendre.leggauss(32)
+    return points.tolist(), weights.tolist()

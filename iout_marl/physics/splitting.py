@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
+from iout_marl.physics.arrays import Array, ArrayLike, as_arrays, is_known_equal
 from iout_marl.physics.formula import (
     COUNT,
     EFFICIENCY,
@@ -107,9 +107,12 @@ def smallest_beta(
         no_root = no_root | (short & ((slope <= 0) | (discriminant < 0)))
         moves = short & ~no_root
         stretch = 2 / (1 + xp.sqrt(xp.where(moves, discriminant, xp.ones_like(beta))))
+        before = beta
         beta = xp.where(moves, beta + newton_step * stretch, beta)
         # Keeps (1 − β) away from 0; a root out here is out of bounds all the same.
         beta = xp.where(beta > beta_max, beyond, beta)
+        if is_known_equal(xp, before, beta):  # further steps would change nothing
+            break
     return xp.where(no_root | (beta > beta_max), xp.full_like(beta, math.nan), beta)
 
 

@@ -2,6 +2,7 @@
 
 import math
 
+import array_api_strict
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -225,3 +226,17 @@ def test_attenuation_distance_inverts_the_loss(
 def test_attenuation_reached_within_one_metre_has_no_distance():
     distances = attenuation_distance_m(np.array([-1, 0, 0.0099, 0.0101]), 10, 1.5)
     assert np.isnan(distances).tolist() == [True, True, True, False]
+
+
+@pytest.mark.parametrize("beta_min", [0.0, 0.3])
+def test_steps_that_numpy_is_spared_would_change_no_digit(beta_min):
+    """An array of another library is never asked whether steps have come to an end."""
+    rng = np.random.default_rng(0)
+    stored_j, power_w, cost_w = 10 ** rng.uniform(-6, 1, (3, 2000))
+    rest = (SLOT_S, 60_000, BANDWIDTH_HZ, beta_min, BETA_MAX)
+    found = smallest_beta(stored_j, power_w, cost_w, *rest)
+    strict = map(array_api_strict.asarray, (stored_j, power_w, cost_w))
+    np.testing.assert_array_equal(found, np.asarray(smallest_beta(*strict, *rest)))
+    assert np.count_nonzero(found > beta_min) > 20
+    assert np.count_nonzero(found == beta_min) > 20
+    assert np.count_nonzero(np.isnan(found)) > 20
