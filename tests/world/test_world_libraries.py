@@ -113,7 +113,10 @@ def test_a_slot_compiles_into_one_graph(case):
     world, state = make_world(case, 2, library=torch)
     torch.compiler.reset()
     compiled = torch.compile(world.slot, fullgraph=True, backend="eager")
-    for action in random_actions(world, 3):
+    first, *actions = random_actions(world, 4)
+    # A state of which no slot has been played lies in memory otherwise: a graph of its own.
+    state, *_ = world.slot(state, torch.from_numpy(first))
+    for action in actions:
         tensors = torch.from_numpy(action)
         expected = world.slot(state, tensors)
         result = compiled(state, tensors)
