@@ -18,7 +18,7 @@ PATIENCE_S = 120
 PRELOADED = [
     *("forked", "iout_marl.cli", "iout_marl.study.run", "trainers.training"),
     *("torch.utils.tensorboard", "matplotlib.figure", "iout_marl.paper", "jinja2", "plotly"),
-    *("distributed.cli.dask_scheduler", "distributed.cli.dask_worker"),
+    *("distributed.cli.dask_scheduler", "distributed.cli.dask_worker", "torch.distributed.run"),
 ]
 #: What a stream can be, besides a descriptor or the path of a file.
 PIPE, CLOSED = "pipe", "closed"

@@ -36,13 +36,15 @@ VARIANTS = {
 }
 
 
-def torchrun(*command, processes=2):
-    """A command under torchrun, with a port of its own choice."""
+TORCHRUN = "torch.distributed.run"
+
+
+def torchrun(*command):
+    """What torchrun is told to run a command by two processes, with a port of its own choice."""
     return [
-        *(sys.executable, "-m", "torch.distributed.run", "--nnodes", "1"),
+        *("--nnodes", "1", "--nproc-per-node", "2"),
         *("--rdzv-backend", "c10d", "--rdzv-endpoint", "localhost:0"),
-        *("--nproc-per-node", str(processes)),
-        *command,
+        *map(str, command),
     ]
 
 
@@ -81,7 +83,7 @@ def side_by_side(*words, processes=2):
 
 def under_torchrun(*words):
     """A training by two processes that torchrun starts, as users do."""
-    command = torchrun("-m", "trainers.ppo", *map(str, words))
+    command = [sys.executable, "-m", TORCHRUN, *torchrun("-m", "trainers.ppo", *words)]
     return [subprocess.run(command, capture_output=True, text=True, env=environment(), check=False)]
 
 
@@ -117,22 +119,6 @@ def test_two_processes_learn_what_one_does(scenario_file, tiny, tmp_path, change
         torch.testing.assert_close(ours[name], tensor, rtol=1e-3, atol=1e-4, msg=name)
 
 
-def refused(*command, processes=2):
-    """What the processes say of a training that does not begin.
-
-    Who has come to its line before torchrun ends it differs from time to time.
-    """
-    result = subprocess.run(
-        torchrun("-m", "trainers.ppo", *command, processes=processes),
-        capture_output=True,
-        text=True,
-        env=environment(),
-        check=False,
-    )
-    assert result.returncode != 0
-    return [line for line in result.stderr.splitlines() if line.startswith("iout: ")]
-
-
 def all_refused(*words, processes=2):
     """What each process says of a training that does not begin."""
     ended = side_by_side(*words, processes=processes)
@@ -156,7 +142,7 @@ def test_policies_side_by_side_are_for_one_process(scenario_file, tmp_path):
 
 def test_folder_in_use_is_told_by_the_first_process(scenario_file, tmp_path, tiny):
     train(tiny(), tmp_path / "run", evaluation_episodes=1)
-    lines = refused(str(scenario_file()), "--out", str(tmp_path / "run"))
+    lines = all_refused(str(scenario_file()), "--out", str(tmp_path / "run"))
     assert sum("holds a run already" in line for line in lines) == 1
 
 
@@ -172,14 +158,8 @@ def test_lost_process_ends_the_training_and_leaves_a_checkpoint(
 ):
     changes = {"training.steps": 80_000, "training.checkpoint_steps": 80}
     run = tmp_path / "run"
-    command = [str(HERE / "lost_rank.py"), str(scenario_file(changes)), "--out", str(run)]
-    result = subprocess.run(
-        torchrun(*command),
-        capture_output=True,
-        text=True,
-        env={**environment(), "LOST": str(lost)},
-        check=False,
-    )
+    command = torchrun(HERE / "lost_rank.py", scenario_file(changes), "--out", run)
+    result = forked.run(*command, program=TORCHRUN, env={**environment(), "LOST": str(lost)})
     assert result.returncode != 0
     assert f"iout: {run}: another process of the training was lost after" in result.stderr
     assert "last checkpoint: " in result.stderr
@@ -192,14 +172,9 @@ def test_lost_process_ends_the_training_and_leaves_a_checkpoint(
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_stop_signal_saves_all_at_the_same_step(scenario_file, tmp_path, tiny, number):
     run = tmp_path / "run"
-    command = ["-m", "trainers.ppo", str(scenario_file({"training.steps": 10_000_000}))]
-    with subprocess.Popen(
-        torchrun(*command, "--out", str(run)),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment(),
-    ) as process:
+    endless = scenario_file({"training.steps": 10_000_000})
+    command = torchrun("-m", "trainers.ppo", endless, "--out", run)
+    with forked.Iout(command, program=TORCHRUN, env=environment()) as process:
         metrics = run / "metrics.jsonl"
         while not (metrics.is_file() and metrics.read_text().count("\n") > 3):
             assert process.poll() is None, process.communicate()

@@ -55,7 +55,7 @@ VARIANTS = {
 }
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def run(tiny):
     """Trains the tiny scenario quietly."""
 
@@ -67,6 +67,21 @@ def run(tiny):
             )
 
     return go
+
+
+@pytest.fixture(scope="module")
+def whole(run, tmp_path_factory):
+    """The folder of a training that nothing stops, trained once; nobody writes into it."""
+    known = {}
+
+    def find(changes=()):
+        key = json.dumps(dict(changes), sort_keys=True)
+        if key not in known:
+            known[key] = tmp_path_factory.mktemp("whole") / "run"
+            run(known[key], changes)
+        return known[key]
+
+    return find
 
 
 @pytest.fixture
@@ -142,8 +157,8 @@ def test_signals_have_their_usual_effect_where_they_are_not_to_be_caught(run, in
 
 @pytest.mark.slow
 @pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
-def test_stopped_run_goes_on_bit_for_bit(tmp_path, run, interrupt, changes):
-    run(tmp_path / "whole", changes)
+def test_stopped_run_goes_on_bit_for_bit(tmp_path, run, whole, interrupt, changes):
+    expected = whole(changes)
     interrupt(3, lambda: signal.raise_signal(signal.SIGTERM))
     stopped = run(tmp_path / "stopped", changes)
     assert not stopped.finished
@@ -152,30 +167,30 @@ def test_stopped_run_goes_on_bit_for_bit(tmp_path, run, interrupt, changes):
     assert not (tmp_path / "stopped" / "result.json").exists()
     resumed = run(tmp_path / "stopped", changes, resume=True)
     assert resumed.finished
-    assert_equal_runs(tmp_path / "whole", tmp_path / "stopped")
+    assert_equal_runs(expected, tmp_path / "stopped")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("changes", VARIANTS.values(), ids=list(VARIANTS))
-def test_crashed_run_goes_on_from_its_last_checkpoint(tmp_path, run, interrupt, changes):
+def test_crashed_run_goes_on_from_its_last_checkpoint(tmp_path, run, whole, interrupt, changes):
     changes = dict(changes) | {"training.checkpoint_steps": 150}
-    run(tmp_path / "whole", changes)
+    expected = whole(changes)
     interrupt(5, crash)
     with pytest.raises(CrashError):
         run(tmp_path / "crashed", changes)
     assert len(lines(tmp_path / "crashed")) == 4
     run(tmp_path / "crashed", changes, resume=True)
-    assert_equal_runs(tmp_path / "whole", tmp_path / "crashed")
+    assert_equal_runs(expected, tmp_path / "crashed")
 
 
-def test_stopped_twice(tmp_path, run, interrupt):
-    run(tmp_path / "whole")
+def test_stopped_twice(tmp_path, run, whole, interrupt):
+    expected = whole()
     interrupt(2, lambda: signal.raise_signal(signal.SIGINT))
     run(tmp_path / "stopped")
     interrupt(2, lambda: signal.raise_signal(signal.SIGINT))
     assert not run(tmp_path / "stopped", resume=True).finished
     run(tmp_path / "stopped", resume=True)
-    assert_equal_runs(tmp_path / "whole", tmp_path / "stopped")
+    assert_equal_runs(expected, tmp_path / "stopped")
 
 
 @pytest.mark.slow
@@ -193,14 +208,14 @@ def test_tensorboard_shows_every_iteration_once(tmp_path, run, interrupt):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("garbage", [b'{"env_st', b"\xff\xfe", b"null\n", b'{"a": 1}\n'])
-def test_line_that_a_crash_cut_short_is_dropped(tmp_path, run, interrupt, garbage):
-    run(tmp_path / "whole")
+def test_line_that_a_crash_cut_short_is_dropped(tmp_path, run, whole, interrupt, garbage):
+    expected = lines(whole())
     interrupt(3, lambda: signal.raise_signal(signal.SIGINT))
     run(tmp_path / "stopped")
     with (tmp_path / "stopped" / "metrics.jsonl").open("ab") as file:
         file.write(garbage)
     run(tmp_path / "stopped", resume=True)
-    assert lines(tmp_path / "stopped") == lines(tmp_path / "whole")
+    assert lines(tmp_path / "stopped") == expected
 
 
 def test_handlers_of_signals_are_put_back(tmp_path, run, interrupt):
@@ -319,7 +334,7 @@ def test_steps_that_are_no_multiple_of_a_rollout(tmp_path, run, monkeypatch, ste
     assert run(tmp_path / "run", {"training.steps": 561}, resume=True).trainer.env_steps == 640
 
 
-def test_signal_before_the_first_iteration(tmp_path, run, monkeypatch):
+def test_signal_before_the_first_iteration(tmp_path, run, whole, monkeypatch):
     begin = training_run.TrainingLog.on_start
 
     def stop_and_begin(log, going):
@@ -331,14 +346,13 @@ def test_signal_before_the_first_iteration(tmp_path, run, monkeypatch):
         stopped = run(tmp_path / "stopped")
     assert (stopped.finished, stopped.signal) == (False, signal.SIGTERM)
     assert stopped.trainer.env_steps == 0
-    run(tmp_path / "whole")
     run(tmp_path / "stopped", resume=True)
-    assert_equal_runs(tmp_path / "whole", tmp_path / "stopped")
+    assert_equal_runs(whole(), tmp_path / "stopped")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", SIGNALS, ids=lambda number: number.name)
-def test_signal_during_the_final_evaluation(tmp_path, run, monkeypatch, number):
+def test_signal_during_the_final_evaluation(tmp_path, run, whole, monkeypatch, number):
     def stop(*_, **__):
         signal.raise_signal(number)
         raise AssertionError("the evaluation continues")
@@ -348,9 +362,8 @@ def test_signal_during_the_final_evaluation(tmp_path, run, monkeypatch, number):
         stopped = run(tmp_path / "stopped")
     assert (stopped.finished, stopped.signal, stopped.evaluations) == (False, number, [])
     assert stopped.trainer.env_steps == 560
-    run(tmp_path / "whole")
     assert run(tmp_path / "stopped", resume=True).finished
-    assert_equal_runs(tmp_path / "whole", tmp_path / "stopped")
+    assert_equal_runs(whole(), tmp_path / "stopped")
 
 
 @pytest.mark.posix
