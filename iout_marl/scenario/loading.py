@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import io
+import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -104,13 +106,19 @@ def to_yaml(scenario: Scenario, path_of: PathOf | None = None) -> str:
 
 def dump_yaml(data: Mapping[str, Any]) -> str:
     """Plain values as YAML that is pleasant to read."""
+    return _written(json.dumps(data))
+
+
+@functools.lru_cache(maxsize=16)
+def _written(data: str) -> str:
+    """The same of values in JSON; it takes milliseconds, and trainings and recordings ask again."""
     yaml = YAML(typ="rt", pure=True)
     yaml.width = 100
     yaml.representer.add_representer(
         type(None), lambda r, _: r.represent_scalar("tag:yaml.org,2002:null", "null")
     )
     stream = io.StringIO()
-    yaml.dump(_styled(dict(data)), stream)
+    yaml.dump(_styled(json.loads(data)), stream)
     return stream.getvalue()
 
 
