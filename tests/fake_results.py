@@ -1,5 +1,8 @@
 """Results of the paper's study, made up: figures that a test can set as it likes."""
 
+import copy
+import functools
+
 from iout_marl.evaluation import METRICS
 from iout_marl.paper.names import BASELINES, BEST, TRAINED, in_fdd
 from iout_marl.scenario import load_scenario
@@ -34,6 +37,11 @@ def episode(nodes, heard):
     }
 
 
+@functools.cache
+def _settings():
+    return load_scenario("paper/k10-tdd").training.model_dump(mode="json")
+
+
 def record(policy, place, seed, samples, *, seconds=20.0, heard=(1, 2, 1)):
     """A record whose metrics are `samples` (a number, or one for each episode)."""
     count = (
@@ -57,7 +65,7 @@ def record(policy, place, seed, samples, *, seconds=20.0, heard=(1, 2, 1)):
     }
     energy = seconds * 4e-6
     training = TrainingRecord(
-        settings=load_scenario("paper/k10-tdd").training.model_dump(mode="json"),
+        settings=copy.deepcopy(_settings()),
         env_steps=3_000_000,
         seconds=seconds,
         curve=curve,

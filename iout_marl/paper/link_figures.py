@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from itertools import pairwise
@@ -126,10 +127,11 @@ class BetaStar:
         return all(near < far for near, far in pairwise(self.distance_m))
 
 
-def beta_star_curves() -> list[BetaStar]:
+@functools.cache
+def beta_star_curves() -> tuple[BetaStar, ...]:
     """β* against d* at each frequency, β from 0.1 to 0.9."""
     beta = np.linspace(0.1, 0.9, 161)
-    return [BetaStar(f, beta, TddLink(f).balance_distance_m(beta)) for f in FREQUENCIES_KHZ]
+    return tuple(BetaStar(f, beta, TddLink(f).balance_distance_m(beta)) for f in FREQUENCIES_KHZ)
 
 
 def beta_star_figure(command: str) -> Plot:
