@@ -216,7 +216,8 @@ def played(scenario):
 def test_policies_and_plans(pairs, monkeypatch):
     for name, breadth in FEW.items():
         monkeypatch.setattr(search, name, breadth)
-    # Policies see neither rewards nor observations, and time division of one kind.
+    # The two worlds in time division differ in rewards, observations and the rule for β: policies
+    # see neither of the first two, and where the third one is tested it is the same in both.
     for pair in worlds(pairs, names=["paper/k5-fdd", "best/k5-tdd"], **SHORT):
         same(evaluated, pair)
 
