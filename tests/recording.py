@@ -23,6 +23,7 @@ from iout_marl import World, bundled_names, cli, load_scenario
 from iout_marl.machine import processor, versions
 from iout_marl.policies import EpisodeStreams, make_baseline
 from iout_marl.scenario import to_yaml
+from iout_marl.testing.recorded import chance_for
 from iout_marl.world import node_codes, pin_layout
 
 RECORDED = Path(__file__).parent / "reference" / "recorded.json"
@@ -61,13 +62,14 @@ def _episode(scenario, policy):
     drawn, streams = np.random.default_rng(5), EpisodeStreams(0, 2)
     whole, real = [], []
     sums = 0.0
+    chances = chance_for(world, range(2))
     for _ in range(world.num_slots):
         if policy is None:
             sizes = world.action_sizes
             action = np.stack([drawn.integers(0, n, (2, world.num_auvs)) for n in sizes], -1)
         else:
             action = policy.act(world, state, streams)
-        state, events = world.step(state, action)
+        state, events = world.step(state, action, next(chances))
         reward, seen = world.reward(state, events), world.observe(state)
         whole += [action, events.delivered, world.action_mask(state)]
         whole += [np.asarray(getattr(state, name), dtype=np.int64) for name in WHOLE]

@@ -42,7 +42,7 @@ def test_bundled_scenario_plays_an_episode(name):
     scenario = env.scenario
     nodes = [scenario.num_nodes + scenario.auvs.idle_choices]
     nodes *= 2 if scenario.duplex.kind == "fdd" else 1
-    directions = {"six": 6, "planar": 5}[scenario.auvs.motion.kind]
+    directions = {"six": 6, "planar": 5, "hover": 7}[scenario.auvs.motion.kind]
     assert env.action_space("auv_0") == spaces.MultiDiscrete([directions, *nodes])
     *_, (_, _, _, truncations, _) = play(env)
     assert truncations == dict.fromkeys(env.possible_agents, True)

@@ -116,6 +116,25 @@ def test_each_source_of_noise_rules_its_own_band(one, other, change_db):
     assert change == pytest.approx(change_db, abs=0.06)
 
 
+@pytest.mark.parametrize(
+    ("frequency_khz", "shipping", "wind_m_per_s", "expected"),
+    [
+        (0.01, 0, 1, 77.1316395704901),
+        (0.3, 1, 0, 65.3445136903894),
+        (1, 0.5, 10, 67.8779294430473),
+        (10, 0, 1, 36.8219208127681),
+        (25, 0.5, 5, 38.5480775827335),
+        (40, 0.3, 8, 39.026737754498),
+        (100, 1, 15, 39.1484211978466),
+        (500, 0, 0, 38.979619117585),
+    ],
+)
+def test_noise_is_that_of_ns_3s_default_model(frequency_khz, shipping, wind_m_per_s, expected):
+    """What its UanNoiseModelDefault::GetNoiseDbHz gives, compiled; arlpy has no model of noise."""
+    found = ambient_noise_spectral_level_db(frequency_khz, shipping, wind_m_per_s)
+    assert found == pytest.approx(expected, rel=1e-14)
+
+
 def test_turbulence_alone_is_heard_at_one_hertz():
     assert ambient_noise_spectral_level_db(0.001) == pytest.approx(107, abs=0.001)
 

@@ -24,7 +24,7 @@ MULTI = [
     ),
 ]
 RANDOM = [name.replace("best", "random") for name in PAPER if name.startswith("best")]
-SEA = ["sea/bay"]
+SEA = ["sea/array", "sea/bay", "sea/bay-tide", "sea/slope"]
 EXPECTED = [*PAPER, *MULTI, *RANDOM, *SEA]
 
 

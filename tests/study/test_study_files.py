@@ -245,8 +245,11 @@ def test_a_mistake_is_told_with_file_and_line(tmp_path, changes, message):
     assert "\n" not in str(error.value)
 
 
+STUDIES = ["bay", "fairness", "gap", "multi", "paper", "sea", "sea-deployments", "sea-life"]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("study", ["paper", "gap", "fairness", "multi", "bay"])
+@pytest.mark.parametrize("study", STUDIES)
 def test_no_two_cells_of_a_study_are_described_alike(study):
     told = [cell.describe() for cell in cells_of(study)]
     assert len(set(told)) == len(told)
