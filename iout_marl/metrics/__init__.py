@@ -20,18 +20,20 @@ from iout_marl.metrics.builtin import (
     ALL,
     BUILTIN,
     DRAWN,
-    OF_STORES,
     OF_TIME,
-    OF_VEHICLES,
     TABLED,
 )
+from iout_marl.metrics.losses import OF_LOSSES
 from iout_marl.metrics.metric import Metric
 from iout_marl.metrics.registry import curve_title, described, register, registered, unregister
+from iout_marl.metrics.stores import OF_STORES
+from iout_marl.metrics.vehicles import OF_VEHICLES
 
 __all__ = [
     "ALL",
     "BUILTIN",
     "DRAWN",
+    "OF_LOSSES",
     "OF_STORES",
     "OF_TIME",
     "OF_VEHICLES",
