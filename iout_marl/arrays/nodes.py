@@ -47,17 +47,17 @@ class NodeAxis:
         self._last_node = backend.integers(num_nodes - 1) if names_nobody else None
 
     def flat_index(self, node: Array) -> Array:
-        """Places of the (envs, auvs) nodes: (envs, auvs).
+        """Places of the (envs, auvs) nodes, or (envs, auvs, rounds) ones, in their shape.
 
         Nobody has the place of the last node: whoever reads or adds there sees to it that it
         counts for nothing.
         """
         if self._last_node is not None:
             node = self._xp.minimum(node, self._last_node)
-        return node * self._num_envs + self._env
+        return node * self._num_envs + (self._env if node.ndim == 2 else self._env[:, :, None])
 
     def gather(self, values: Array, place: Array) -> Array:
-        """The (envs, nodes) values at (envs, auvs) indices: (envs, auvs)."""
+        """The (envs, nodes) values at places, in their shape."""
         return lookup(self._xp, reverse_axes(self._xp, values), place)
 
     def flags(self, place: Array, flag: Array) -> Array:
@@ -70,14 +70,20 @@ class NodeAxis:
         if self._is_alone and adds_at_indices(xp):
             return reverse_axes(xp, add_at(xp, reverse_axes(xp, values), place, amount))
         # Amounts of several AUVs are added up before their node's value comes in.
-        return values + self._total(place, amount)
+        return values + self.total(place, amount)
 
-    def _total(self, place: Array, amount: Array) -> Array:
-        """For each node, the sum of the amounts of the AUVs that chose it: (envs, nodes)."""
+    def total(self, place: Array, amount: Array) -> Array:
+        """For each node, the sum of the amounts of those who named it: (envs, nodes).
+
+        Args:
+            place: (envs, auvs) or (envs, auvs, rounds) places.
+            amount: in their shape.
+        """
         xp = self._xp
         if xp is np:
-            return add_at(xp, self._zeros, place, amount).T
+            return add_at(xp, self._zeros, place.T, amount.T).T
         # An accelerator would add up several amounts for one node in any order.
+        place, amount = (xp.reshape(each, (each.shape[0], -1)) for each in (place, amount))
         spread = xp.where(place[..., None] == self._places, amount[..., None], self._zero)
         return xp.sum(spread, axis=1)
 

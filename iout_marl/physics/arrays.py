@@ -6,6 +6,7 @@ other library of the standard, or plain Python numbers, and answers in kind.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import array_api_compat
@@ -105,6 +106,11 @@ def reverse_axes(xp: Any, array: Array) -> Array:
     return xp.permute_dims(array, tuple(reversed(range(array.ndim))))
 
 
+def joined(xp: Any, arrays: Sequence[Array]) -> Array:
+    """Arrays side by side along their last axis, laid out as `Backend.with_envs_inside` does."""
+    return reverse_axes(xp, xp.concat([reverse_axes(xp, array) for array in arrays], axis=0))
+
+
 # Where NumPy has a method of its own, that spares a single environment, whose arrays are
 # tiny, much of the time of its steps.
 
@@ -112,5 +118,11 @@ def reverse_axes(xp: Any, array: Array) -> Array:
 def lookup(xp: Any, table: Array, index: Array) -> Array:
     """Entries of a table, its axes laid end to end, at indices of any shape."""
     if xp is np:
-        return table.take(index)
+        # Of more axes it would make another layout in memory, which costs what comes after it.
+        return table.take(index) if index.ndim < 3 else table.take(index.T).T
     return xp.reshape(xp.take(xp.reshape(table, (-1,)), xp.reshape(index, (-1,))), index.shape)
+
+
+def add_up(xp: Any, values: Array, axis: int) -> Array:
+    """Sums along an axis."""
+    return np.add.reduce(values, axis=axis) if xp is np else xp.sum(values, axis=axis)

@@ -290,6 +290,20 @@ def _argsort(values: SymbolArray, axis: int = -1) -> SymbolArray:
     return SymbolArray(np.moveaxis(orders, -1, axis), int)
 
 
+def _argmax(values: SymbolArray, axis: int) -> SymbolArray:
+    def first_of_highest(row: npt.NDArray[Any]) -> Any:
+        program, count = _program_of(*row), len(row)
+        assert program is not None
+        form = "max(range({}), key=(" + "{}, " * count + ").__getitem__)"
+        return program.line(form, count, *row)
+
+    rows = np.moveaxis(values.values, axis, -1)
+    places = np.empty(rows.shape[:-1], dtype=object)
+    for row in np.ndindex(places.shape):
+        places[row] = first_of_highest(rows[row])
+    return SymbolArray(places, int)
+
+
 def _where(flag: Any, first: Any, second: Any) -> SymbolArray:
     return _of(_chosen, _widest(first, second), flag, first, second)
 
@@ -319,6 +333,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "take": _take,
     "index_add": _index_add,
     "argsort": _argsort,
+    "argmax": _argmax,
     "astype": _astype,
     "asarray": lambda a, dtype=np.float64, device=None: _astype(a, dtype),  # noqa: ARG005
     "zeros_like": lambda a: np.zeros(a.shape, a.dtype),

@@ -8,7 +8,7 @@ from iout_marl.core.pace import Pace
 from iout_marl.core.ranges import Ranges
 from iout_marl.core.state import State
 from iout_marl.parts import Context, Entry, at_work
-from iout_marl.physics.arrays import Array, reverse_axes
+from iout_marl.physics.arrays import Array, joined
 from iout_marl.scenario import Scenario
 
 __all__ = ["Observer", "Ranges"]
@@ -71,7 +71,7 @@ class Observer:
         if self._is_from_outside:
             parts = [self._of_all_auvs(part) for part in parts]
         # Each entry of all environments in a row, as they come.
-        return reverse_axes(xp, xp.concat([reverse_axes(xp, part) for part in parts], axis=0))
+        return joined(xp, parts)
 
     def _of_all_auvs(self, values: Array) -> Array:
         if values.shape[1] == self._num_auvs:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +12,8 @@ from iout_marl.core.chance import Chance
 from iout_marl.core.limits import unheard
 from iout_marl.core.state import State
 from iout_marl.core.steps import Steps
-from iout_marl.parts import Context, Fading, Request, Wind, at_work
-from iout_marl.physics.arrays import Array, cast, lookup, reverse_axes
+from iout_marl.parts import Context, Fading, Heard, Request, Uplinks, Wind, at_work
+from iout_marl.physics.arrays import Array, add_up, cast, joined, lookup, reverse_axes
 from iout_marl.scenario import Scenario
 
 #: Levels count in steps of 1/this dB: of harvests, which count the step below, and of packets.
@@ -37,7 +36,7 @@ class Conditions(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """What became of packets, one of each AUV at most: (envs, auvs) each."""
+    """What became of packets, (envs, auvs, packets) each: of the node chosen, then of others."""
 
     sent: Array  # bool
     delivered: Array  # bool; of what is expected, whether more than half of such packets arrive
@@ -45,13 +44,17 @@ class Judged(NamedTuple):
     lost: Array  # bool: sent and not drowned by others, but lost
     excess_db: Array  # signal over noise on arrival, less what is required, in dB; 0 of none
 
+    @property
+    def events(self) -> dict[str, Array]:
+        """Fields of the slot's events."""
+        return {"lost": self.lost, "excess_db": self.excess_db}
+
 
 class Received(NamedTuple):
     """What became of all packets of a slot."""
 
-    chosen: Judged  # of the nodes chosen
+    judged: Judged
     counts: Array  # (envs, 3) float: what the slot adds to `State.packets`
-    events: dict[str, Array]  # fields of the slot's events
 
 
 class Reception:
@@ -103,6 +106,8 @@ class Reception:
             + context.num_envs * np.arange(scenario.num_auvs)[None, :]
         )
         self._a_node = backend.integers(context.num_envs * scenario.num_auvs)
+        self._nodes = context.nodes
+        self._nobody = backend.integers(scenario.num_nodes)
         self._last_node = backend.integers(scenario.num_nodes - 1)
 
     def first(self, num_envs: int) -> dict[str, Array]:
@@ -140,32 +145,47 @@ class Reception:
         level_db = link.at(self._level_db, offset) + self._of_pair(conditions.gain_db, node)
         return self._harvested_w.at(level_db)
 
-    def judge(
+    def received(
         self,
         conditions: Conditions,
-        node: Array,
-        offset: Array,
-        sent: Array,
-        arrives: Array,
-        number: int,
-    ) -> Judged:
-        """Which packets arrive of those that others have not spoilt.
+        state: State,
+        request: Request,
+        chosen: Uplinks,
+        heard: Heard | None,
+    ) -> Received:
+        """All packets of a slot: those that arrive of what others have not spoilt.
 
         Args:
             conditions: of the slot.
-            node, offset: as of `harvested_w`, of the nodes heard.
-            sent, arrives: (envs, auvs) bool: which are sent, and which of them others let pass.
-            number: which of the packets of each AUV it is, 0 for that of the node chosen.
+            state: the state before it.
+            request, chosen: for the nodes chosen, and what the access part says of them.
+            heard: who was polled beside; None where nobody is.
         """
+        xp, link = self._xp, self._link
+        arrives = chosen.delivered[..., None]
+        sent = arrives | (chosen.spent_j > self._nothing)[..., None]
+        node, offset = request.heard[..., None], request.offset[..., None]
+        if heard is not None:
+            others = self._nodes.gather(state.node_cell, self._nodes.flat_index(heard.node))
+            offset = joined(xp, [offset, link.offset(request.cell[..., None], others)])
+            node = joined(xp, [node, heard.node])
+            sent = joined(xp, [sent, heard.node < self._nobody])
+            arrives = joined(xp, [arrives, heard.delivered])
+        judged = self._judged(conditions, node, offset, sent, arrives)
+        return Received(judged, self._counts(judged))
+
+    def _judged(
+        self, conditions: Conditions, node: Array, offset: Array, sent: Array, arrives: Array
+    ) -> Judged:
         xp = self._xp
         excess_db = self._link.at(self._excess_db, offset)
         if conditions.gain_db is not None:
             excess_db = excess_db + self._of_pair(conditions.gain_db, node)
         if conditions.noise_db is not None:
-            excess_db = excess_db - conditions.noise_db
+            excess_db = excess_db - conditions.noise_db[..., None]
         error_rate = self._error_rate.at(excess_db)
         is_drawn = conditions.arrival.shape[-1] > 0
-        limit = conditions.arrival[..., number] if is_drawn else self._half
+        limit = conditions.arrival if is_drawn else self._half
         delivered = arrives & (error_rate <= limit)
         share = None
         if not (is_drawn or self._is_certain):
@@ -174,36 +194,6 @@ class Reception:
         excess_db = xp.where(arrives, excess_db, self._nothing)
         return Judged(sent, delivered, share, arrives & ~delivered, excess_db)
 
-    def received(
-        self,
-        conditions: Conditions,
-        request: Request,
-        arrives: Array,
-        spent_j: Array,
-        polled: Sequence[Judged],
-    ) -> Received:
-        """All packets of a slot.
-
-        Args:
-            conditions: of the slot.
-            request: for the nodes chosen.
-            arrives, spent_j: what the access part says of them.
-            polled: those of nodes polled beside, see `Polled.judged`.
-        """
-        xp = self._xp
-        sent = arrives | (spent_j > self._nothing)
-        chosen = self.judge(conditions, request.heard, request.offset, sent, arrives, 0)
-        counts = self._counts(chosen)
-        for judged in polled:
-            counts = counts + self._counts(judged)
-        columns = {
-            name: xp.concat(
-                [getattr(judged, name)[..., None] for judged in (chosen, *polled)], axis=2
-            )
-            for name in ("lost", "excess_db")
-        }
-        return Received(chosen, counts, columns)
-
     def _counts(self, judged: Judged) -> Array:
         """Packets sent, lost for want of level, and lost by bit errors: (envs, 3)."""
         xp, dtype = self._xp, judged.excess_db.dtype
@@ -211,18 +201,22 @@ class Reception:
             lost = cast(xp, judged.lost, dtype)
         else:
             lost = cast(xp, judged.delivered | judged.lost, dtype) - judged.share
-        weak = xp.where(self.is_weak(judged.excess_db), lost, self._nothing)
-        each = (cast(xp, judged.sent, dtype), weak, lost - weak)
-        return xp.concat([xp.sum(values, axis=1)[:, None] for values in each], axis=1)
+        weak = lost * cast(xp, self.is_weak(judged.excess_db), dtype)
+        sums = [
+            add_up(xp, add_up(xp, values, 2), 1)[:, None]
+            for values in (cast(xp, judged.sent, dtype), weak, lost - weak)
+        ]
+        return joined(xp, sums)
 
     def is_weak(self, excess_db: Array) -> Array:
         """Whether packets arrived with less than they need, bool."""
         return excess_db < self._weak_db
 
     def _of_pair(self, values: Array, node: Array) -> Array:
-        """The (envs, auvs, nodes) values of each AUV and its node, (envs, auvs)."""
+        """The (envs, auvs, nodes) values of each AUV and its nodes, in the shape of `node`."""
+        pair = self._pair if node.ndim == 2 else self._pair[..., None]
         node = self._xp.minimum(node, self._last_node)
-        return lookup(self._xp, reverse_axes(self._xp, values), node * self._a_node + self._pair)
+        return lookup(self._xp, reverse_axes(self._xp, values), node * self._a_node + pair)
 
 
 @unheard

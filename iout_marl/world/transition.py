@@ -14,7 +14,7 @@ from iout_marl.parts import Request
 from iout_marl.physics.arrays import Array, cast
 from iout_marl.world.addressed import Addressed
 from iout_marl.world.chance import completed
-from iout_marl.world.polled import Polled
+from iout_marl.world.polled import Polled, listen
 from iout_marl.world.reception import Received
 
 if TYPE_CHECKING:
@@ -114,18 +114,20 @@ class Transition:
         heard_available_j = nodes.gather(available_j, heard_index)
         sends = self.sends(split, heard_index, hears, come_j, heard_available_j)
         request = Request(cell, heard, heard_cell, sends, heard_available_j, heard_offset)
-        polled = None
+        heard_beside = polled = None
         if world.hearing.polls:
-            polled = Polled.from_slot(world, state, request, split, hears, available_j, conditions)
-            delivered, spent_j = polled.heard.chosen
+            heard_beside = listen(world, state, request, split, hears, available_j)
+            uplinks = heard_beside.chosen
         else:
-            delivered, spent_j = world.access(request, split)
+            uplinks = world.access(request, split)
+        delivered, spent_j = uplinks
         received: Received | None = None
         if reception is not None and reception.loses:
             assert conditions is not None
-            of_polled = () if polled is None else polled.judged
-            received = reception.received(conditions, request, delivered, spent_j, of_polled)
-            delivered = received.chosen.delivered
+            received = reception.received(conditions, state, request, uplinks, heard_beside)
+            delivered = received.judged.delivered[..., 0]
+        if heard_beside is not None:
+            polled = Polled.from_slot(world, heard_beside, available_j, received)
         # At the root of the energy balance rounding may ask for more than there is.
         taken_j = xp.minimum(spent_j, heard_available_j)
         left_j = nodes.scatter_add(available_j, heard_index, -taken_j)
@@ -134,8 +136,8 @@ class Transition:
         stores = world.storage.after(state, come_j, available_j, left_j)
 
         packets = cast(xp, delivered, state.age.dtype)
-        if received is not None and received.chosen.share is not None:
-            packets = received.chosen.share
+        if received is not None and received.judged.share is not None:
+            packets = received.judged.share[..., 0]
         ages = self._ages(state, split, heard_index, heard_offset, packets, polled)
         spent_by_all_j = _over_auvs(xp, spent_j)
         if polled is not None:
@@ -190,7 +192,7 @@ class Transition:
             drawn_j=drawn_j,
             stranded=stranded,
             **(self._none_polled if polled is None else polled.events),
-            **(self._none_lost if received is None else received.events),
+            **(self._none_lost if received is None else received.judged.events),
         )
         if world.summed:
             more = [metric.values(world, new_state, events)[:, None] for metric in world.summed]
@@ -226,10 +228,11 @@ class Transition:
             age_reset = age_reset + packets * reset_to
         age = nodes.scatter_add(state.age, heard_index, age_reset)
         if polled is not None:
+            reset_to = self._nothing if polled.reset_to is None else polled.reset_to
             if polled.share is None:
-                age = xp.where(polled.delivers, polled.reset_to, age)
+                age = xp.where(polled.delivers, reset_to, age)
             else:
-                age = age + polled.share * (polled.reset_to - age)
+                age = age + polled.share * (reset_to - age)
         age, uncut = advance(xp, age, self._maximum_age)
         # Whole numbers, whose sums are exact, but for packets that are younger than a slot.
         total_age = nodes.sum(age)

@@ -14,7 +14,7 @@ from iout_marl.core.split import Split
 from iout_marl.parts.access import Access, Request, Uplinks
 from iout_marl.parts.base import Context, Part
 from iout_marl.parts.storage import Storage
-from iout_marl.physics.arrays import Array
+from iout_marl.physics.arrays import Array, joined
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import invalid
@@ -106,7 +106,9 @@ class Hearing(Part):
         self._no_nodes = backend.integers(
             np.full((world.num_envs, self._num_auvs), scenario.num_nodes)
         )
-        self._number = backend.integers(np.arange(scenario.num_nodes))
+        # In time division what is left of a slot differs.
+        longest_s = self._num_rounds * float(self._link.least_uplink_s.max())
+        self._time_binds = scenario.duplex.part.splits_slot or longest_s > scenario.slot_s * 0.999
         self._zero = backend.floats(0.0)
         self._none = backend.floats(float("-inf"))
 
@@ -131,30 +133,36 @@ class Hearing(Part):
         """
         xp, link, nodes, request = self.xp, self._link, self._nodes, call.request
         offset = link.offset(request.cell[:, :, None], call.node_cell[:, None, :])
-        lasts_s = link.at(link.least_uplink_s, offset)
         pays = call.available_j[:, None, :] > link.at(link.slot_uplink_j, offset)
         if storage.is_limited:
             pays = pays & ~storage.sleeps(call.available_j)[:, None, :]
-        urgency = self.urgency(call, offset)
         chosen = access.to_nearest(request)
-        asked = xp.any(nodes.flags(nodes.flat_index(request.heard), chosen), axis=1)
+        # Of each node how soon it is asked; never of one that cannot pay, or was asked before.
+        urgency = xp.where(pays, self.urgency(call, offset), self._none)
+        urgency = self._without(urgency, nodes.flat_index(request.heard), chosen)
         # Where β is 1, the whole slot goes to charging.
         left_s = xp.where(call.split.beta < 1, call.split.uplink_s, self._zero)
-        goes_on = call.listens
+        lasts_s = link.at(link.least_uplink_s, offset) if self._time_binds else None
+        goes_on = call.listens & (left_s > self._zero)
         node = xp.where(chosen, request.heard, self._nobody)
-        is_first, taken, took_s, rounds = True, [], [], []
-        for _ in range(self._num_rounds):
+        taken, took_s, rounds = [], [], []
+        for number in range(self._num_rounds):
             for _ in range(self._num_auvs):
                 # Who loses a node to a nearer AUV names the next one.
-                waits = (goes_on & (node == self._nobody))[..., None]
-                fits = pays & ~asked[:, None, :] & (lasts_s <= left_s[..., None]) & waits
-                bid = self._request(call, self._most_urgent(fits, urgency))
-                wins = access.to_nearest(bid)
-                node = xp.where(wins, bid.heard, node)
-                asked = asked | xp.any(nodes.flags(nodes.flat_index(bid.heard), wins), axis=1)
+                waits = goes_on & (node == self._nobody)
+                bid = xp.where(waits, self._most_urgent(urgency, lasts_s, left_s), self._nobody)
+                if self._num_auvs == 1:
+                    node = xp.minimum(node, bid)
+                    continue
+                own = self._request(call, bid)
+                wins = access.to_nearest(own)
+                node = xp.where(wins, bid, node)
+                urgency = self._without(urgency, nodes.flat_index(bid), wins)
             asks = self._request(call, node)
+            if self._num_auvs == 1 and number + 1 < self._num_rounds:
+                urgency = self._without(urgency, nodes.flat_index(node), asks.sends)
             required_j = link.at(link.slot_uplink_j, asks.offset)
-            if is_first:
+            if number == 0:
                 required_j = xp.where(chosen, call.split.required_j, required_j)
             split = call.split._replace(required_j=required_j)
             delivered, spent_j = access(asks, split)
@@ -165,15 +173,23 @@ class Hearing(Part):
             taken.append((xp.where(sent, node, self._nobody), delivered, spent_j))
             took_s.append(lasted_s)
             rounds.append((asks, split))
-            is_first, node = False, self._no_nodes
+            node = self._no_nodes
         return self._heard(chosen, taken, took_s, tuple(rounds))
 
-    def _most_urgent(self, fits: Array, urgency: Array) -> Array:
-        """The node that each AUV asks next, (envs, auvs); K where none fits."""
+    def _without(self, urgency: Array, place: Array, asked: Array) -> Array:
+        """Urgency, never of nodes at (envs, auvs) places that are asked."""
+        never = self.xp.where(asked, self._none, self._zero)
+        if urgency.shape[1] == 1:
+            return self._nodes.scatter_add(urgency[:, 0, :], place, never)[:, None, :]
+        return urgency + self._nodes.total(place, never)[:, None, :]
+
+    def _most_urgent(self, urgency: Array, lasts_s: Array | None, left_s: Array) -> Array:
+        """The node that each AUV asks next, (envs, auvs); K where none is left."""
         xp = self.xp
-        highest = xp.max(xp.where(fits, urgency, self._none), axis=2, keepdims=True)
-        is_it = fits & (urgency == highest)
-        return xp.min(xp.where(is_it, self._number, self._nobody), axis=2)
+        if lasts_s is not None:
+            urgency = xp.where(lasts_s <= left_s[..., None], urgency, self._none)
+        is_any = xp.max(urgency, axis=2) > self._none
+        return xp.where(is_any, xp.argmax(urgency, axis=2), self._nobody)
 
     def _request(self, call: Call, node: Array) -> Request:
         """The request for these nodes, (envs, auvs), K for none."""
@@ -210,10 +226,10 @@ class Hearing(Part):
             xp.where(chosen, self._zero, spent_j),
         )
         node, delivered, spent_j = (
-            xp.concat([column[..., None] for column in columns], axis=2)
+            joined(xp, [column[..., None] for column in columns])
             for columns in zip(*taken, strict=True)
         )
-        age_s = xp.concat([column[..., None] for column in ages_s], axis=2)
+        age_s = joined(xp, [column[..., None] for column in ages_s])
         return Heard(uplinks, node, delivered, spent_j, age_s, rounds)
 
 
