@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from iout_marl.arrays.backend import Backend
-from iout_marl.physics.arrays import Array, add_at, adds_at_indices, lookup, reverse_axes
+from iout_marl.physics.arrays import (
+    Array,
+    add_at,
+    adds_at_indices,
+    lookup,
+    lookup_inside,
+    reverse_axes,
+)
 
 
 class NodeAxis:
@@ -58,7 +65,8 @@ class NodeAxis:
 
     def gather(self, values: Array, place: Array) -> Array:
         """The (envs, nodes) values at places, in their shape."""
-        return lookup(self._xp, reverse_axes(self._xp, values), place)
+        look = lookup if place.ndim == 2 else lookup_inside
+        return look(self._xp, reverse_axes(self._xp, values), place)
 
     def flags(self, place: Array, flag: Array) -> Array:
         """The (envs, auvs) flag of each AUV at its place, else false: (envs, auvs, nodes)."""

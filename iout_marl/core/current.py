@@ -18,6 +18,8 @@ from iout_marl.scenario import Scenario
 #: Velocities of all frames and codes of cells that a world's tables may have, slots of a current
 #: that changes.
 MAX_VELOCITIES, MAX_SLOTS = 10**7, 10**7
+#: Velocities in tables by slot and cell; of more, frames are interpolated slot by slot.
+_MOST_BY_SLOT = 2**20
 #: Standard deviations beyond which chance adds nothing to a current.
 CUT_OFF = 4.0
 
@@ -58,6 +60,12 @@ class Frames(NamedTuple):
         velocity: Floats = first + self.weight[slot] * (second - first)
         return velocity
 
+    def by_slot(self) -> Frames:
+        """The same with a frame for each slot, of a current that changes."""
+        fields = np.stack([self.field(slot) for slot in self.slots()])
+        slots = len(self.frame)
+        return Frames(fields, np.arange(slots), np.zeros(slots))
+
     def strongest_m_per_s(self) -> float:
         """A speed that the current exceeds in no cell and no slot."""
         return float(np.linalg.norm(self.velocity_m_per_s, axis=-1).max())
@@ -93,6 +101,9 @@ class CurrentField:
 
     def __init__(self, scenario: Scenario, grid: Grid, backend: Backend) -> None:
         frames: Frames = scenario.current.part.frames(scenario)
+        strongest = scenario.current.part.strongest_m_per_s(scenario, frames)
+        if not frames.is_steady and len(frames.frame) * grid.num_codes <= _MOST_BY_SLOT:
+            frames = frames.by_slot()
         self._xp = backend.xp
         self._origin = backend.integers(grid.offset_origin)
         self._num_codes = backend.integers(grid.num_codes)
@@ -113,10 +124,10 @@ class CurrentField:
             # What is seen after the last slot is seen of it.
             last = np.minimum(np.arange(scenario.num_slots + 1), scenario.num_slots - 1)
             self._row = backend.integers(frames.frame[last] * grid.num_codes)
-            self._weight = backend.floats(frames.weight[last])
+            self._weight = backend.floats(frames.weight[last]) if frames.weight.any() else None
         steps = np.array(scenario.auvs.motion.part.steps)
         pace = Pace.from_scenario(scenario)
-        self.strongest_m_per_s = scenario.current.part.strongest_m_per_s(scenario, frames)
+        self.strongest_m_per_s = strongest
         fastest = float(grid.metres(steps * pace.cells[:, None]).max()) / scenario.slot_s
         self.fastest_m_per_s = fastest + self.strongest_m_per_s
         slots_s = (pace.by_offset(grid, steps) * scenario.slot_s)[:, None]
@@ -154,6 +165,9 @@ class CurrentField:
             x, y = (lookup(xp, table, cell) for table in self._velocity)
             return x, y
         first = lookup(xp, self._row, slot)[:, None] + cell
+        if self._weight is None:
+            x, y = (lookup(xp, table, first) for table in self._velocity)
+            return x, y
         second, weight = first + self._num_codes, lookup(xp, self._weight, slot)[:, None]
         x, y = (
             (before := lookup(xp, table, first)) + weight * (lookup(xp, table, second) - before)

@@ -150,7 +150,8 @@ class Link:
 
     def grid_offset(self, cell: Array, other: Array) -> Array:
         """Index into tables by code difference, see `Grid`, for cells of the same shape."""
-        return cell - other + self._origin
+        # In this order: of one AUV and all nodes there is one sum for all.
+        return cell + self._origin - other
 
     def at(self, table: Array, offset: Array) -> Array:
         """Entries of one of the tables, in the shape of `offset`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy.typing as npt
 
 from iout_marl.arrays.backend import Backend
-from iout_marl.physics.arrays import Array, cast, lookup
+from iout_marl.physics.arrays import Array, cast, lookup_inside
 
 
 class Steps:
@@ -34,4 +34,4 @@ class Steps:
         place = xp.maximum(numbers * self._per_unit + self._shift, self._none)
         # Whole numbers below the place: none of them is negative.
         index = cast(xp, xp.minimum(place, self._last), xp.int64)
-        return lookup(xp, self._table, index)
+        return lookup_inside(xp, self._table, index)

@@ -118,9 +118,16 @@ def joined(xp: Any, arrays: Sequence[Array]) -> Array:
 def lookup(xp: Any, table: Array, index: Array) -> Array:
     """Entries of a table, its axes laid end to end, at indices of any shape."""
     if xp is np:
-        # Of more axes it would make another layout in memory, which costs what comes after it.
-        return table.take(index) if index.ndim < 3 else table.take(index.T).T
+        return table.take(index)
     return xp.reshape(xp.take(xp.reshape(table, (-1,)), xp.reshape(index, (-1,))), index.shape)
+
+
+def lookup_inside(xp: Any, table: Array, index: Array) -> Array:
+    """`lookup`, laid out in memory as the indices are where their first axis is the inner one.
+
+    NumPy would lay out entries by the last axis: whatever comes after them would cost more.
+    """
+    return reverse_axes(xp, lookup(xp, table, reverse_axes(xp, index)))
 
 
 def add_up(xp: Any, values: Array, axis: int) -> Array:

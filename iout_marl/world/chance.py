@@ -55,6 +55,9 @@ class ChanceStream(Iterator[Chance | None]):
             for name, draw in self._draws.items()
         }
         self._next = np.full(self._num_envs, self._slots)
+        #: The slot that comes next where it is the same in all environments; else None.
+        self._next_of_all: int | None = self._slots
+        self._none = completed({}, _BACKEND, self._draws, self._num_envs)
         self._rngs = [self._child(rng) for rng in rngs]
 
     def _child(self, rng: np.random.Generator) -> np.random.Generator | None:
@@ -73,26 +76,38 @@ class ChanceStream(Iterator[Chance | None]):
             envs: of which environments; the others go on with theirs.
             seeded: of those whose stream begins anew, that of the layout.
         """
+        self._spread()
         self._next[envs] = self._slots
+        if len(envs) == self._num_envs:
+            self._next_of_all = self._slots
         for env, rng in (seeded or {}).items():
             self._rngs[env] = self._child(rng)
 
     def __next__(self) -> Chance | None:
         if not self._draws:
             return None
-        due = np.flatnonzero(self._next == self._slots).tolist()
-        if due:
-            self._draw(due)
-        first = int(self._next[0])
-        alike = bool((self._next == first).all())
-        found = {
-            name: (ahead[first] if alike else _each(ahead, self._next)).T
-            for name, ahead in self._ahead.items()
-        }
-        self._next += 1
-        return completed(found, _BACKEND, self._draws, self._num_envs)
+        slot = self._next_of_all
+        if slot == self._slots:
+            self._draw(range(self._num_envs))
+            slot = self._next_of_all = 0
+        if slot is None:
+            due = np.flatnonzero(self._next == self._slots).tolist()
+            if due:
+                self._draw(due)
+            found = {name: _each(ahead, self._next).T for name, ahead in self._ahead.items()}
+            self._next += 1
+        else:
+            found = {name: ahead[slot].T for name, ahead in self._ahead.items()}
+            self._next_of_all = slot + 1
+        return self._none._replace(**found)
 
-    def _draw(self, envs: list[int]) -> None:
+    def _spread(self) -> None:
+        """Count the slots of every environment by itself from now on."""
+        if self._next_of_all is not None:
+            self._next[:] = self._next_of_all
+            self._next_of_all = None
+
+    def _draw(self, envs: Sequence[int]) -> None:
         drawn = {
             name: np.empty((len(envs), self._slots, *draw.shape[::-1]))
             for name, draw in self._draws.items()

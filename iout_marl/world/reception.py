@@ -13,7 +13,7 @@ from iout_marl.core.limits import unheard
 from iout_marl.core.state import State
 from iout_marl.core.steps import Steps
 from iout_marl.parts import Context, Fading, Heard, Request, Uplinks, Wind, at_work
-from iout_marl.physics.arrays import Array, add_up, cast, joined, lookup, reverse_axes
+from iout_marl.physics.arrays import Array, add_up, cast, joined, lookup_inside, reverse_axes
 from iout_marl.scenario import Scenario
 
 #: Levels count in steps of 1/this dB: of harvests, which count the step below, and of packets.
@@ -178,7 +178,7 @@ class Reception:
         self, conditions: Conditions, node: Array, offset: Array, sent: Array, arrives: Array
     ) -> Judged:
         xp = self._xp
-        excess_db = self._link.at(self._excess_db, offset)
+        excess_db = lookup_inside(xp, self._excess_db, offset)
         if conditions.gain_db is not None:
             excess_db = excess_db + self._of_pair(conditions.gain_db, node)
         if conditions.noise_db is not None:
@@ -216,7 +216,7 @@ class Reception:
         """The (envs, auvs, nodes) values of each AUV and its nodes, in the shape of `node`."""
         pair = self._pair if node.ndim == 2 else self._pair[..., None]
         node = self._xp.minimum(node, self._last_node)
-        return lookup(self._xp, reverse_axes(self._xp, values), node * self._a_node + pair)
+        return lookup_inside(self._xp, reverse_axes(self._xp, values), node * self._a_node + pair)
 
 
 @unheard

@@ -14,7 +14,7 @@ from iout_marl.core.split import Split
 from iout_marl.parts.access import Access, Request, Uplinks
 from iout_marl.parts.base import Context, Part
 from iout_marl.parts.storage import Storage
-from iout_marl.physics.arrays import Array, joined
+from iout_marl.physics.arrays import Array, joined, lookup_inside, pick, reverse_axes
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import invalid
@@ -111,6 +111,7 @@ class Hearing(Part):
         self._time_binds = scenario.duplex.part.splits_slot or longest_s > scenario.slot_s * 0.999
         self._zero = backend.floats(0.0)
         self._none = backend.floats(float("-inf"))
+        self._only_if = backend.floats([float("-inf"), 0.0])
 
     def urgency(self, call: Call, offset: Array) -> Array:
         """How soon an AUV polls each node: the highest first, of equals that of the lowest index.
@@ -133,16 +134,18 @@ class Hearing(Part):
         """
         xp, link, nodes, request = self.xp, self._link, self._nodes, call.request
         offset = link.offset(request.cell[:, :, None], call.node_cell[:, None, :])
-        pays = call.available_j[:, None, :] > link.at(link.slot_uplink_j, offset)
+        pays = call.available_j[:, None, :] > lookup_inside(xp, link.slot_uplink_j, offset)
         if storage.is_limited:
             pays = pays & ~storage.sleeps(call.available_j)[:, None, :]
         chosen = access.to_nearest(request)
         # Of each node how soon it is asked; never of one that cannot pay, or was asked before.
-        urgency = xp.where(pays, self.urgency(call, offset), self._none)
+        urgency = self.urgency(call, offset) + reverse_axes(
+            xp, pick(xp, self._only_if, reverse_axes(xp, pays))
+        )
         urgency = self._without(urgency, nodes.flat_index(request.heard), chosen)
         # Where β is 1, the whole slot goes to charging.
         left_s = xp.where(call.split.beta < 1, call.split.uplink_s, self._zero)
-        lasts_s = link.at(link.least_uplink_s, offset) if self._time_binds else None
+        lasts_s = lookup_inside(xp, link.least_uplink_s, offset) if self._time_binds else None
         goes_on = call.listens & (left_s > self._zero)
         node = xp.where(chosen, request.heard, self._nobody)
         taken, took_s, rounds = [], [], []
@@ -154,13 +157,14 @@ class Hearing(Part):
                 if self._num_auvs == 1:
                     node = xp.minimum(node, bid)
                     continue
-                own = self._request(call, bid)
-                wins = access.to_nearest(own)
+                place = nodes.flat_index(bid)
+                wins = access.to_nearest(self._request(call, bid, place))
                 node = xp.where(wins, bid, node)
-                urgency = self._without(urgency, nodes.flat_index(bid), wins)
-            asks = self._request(call, node)
+                urgency = self._without(urgency, place, wins)
+            place = nodes.flat_index(node)
+            asks = self._request(call, node, place)
             if self._num_auvs == 1 and number + 1 < self._num_rounds:
-                urgency = self._without(urgency, nodes.flat_index(node), asks.sends)
+                urgency = self._without(urgency, place, asks.sends)
             required_j = link.at(link.slot_uplink_j, asks.offset)
             if number == 0:
                 required_j = xp.where(chosen, call.split.required_j, required_j)
@@ -191,9 +195,8 @@ class Hearing(Part):
         is_any = xp.max(urgency, axis=2) > self._none
         return xp.where(is_any, xp.argmax(urgency, axis=2), self._nobody)
 
-    def _request(self, call: Call, node: Array) -> Request:
-        """The request for these nodes, (envs, auvs), K for none."""
-        place = self._nodes.flat_index(node)
+    def _request(self, call: Call, node: Array, place: Array) -> Request:
+        """The request for these nodes, (envs, auvs), K for none, at their places."""
         node_cell = self._nodes.gather(call.node_cell, place)
         return Request(
             cell=call.request.cell,

@@ -17,7 +17,7 @@ from iout_marl.parts.reward.base import (
     most_mean_age,
     rewards,
 )
-from iout_marl.physics.arrays import Array, pick
+from iout_marl.physics.arrays import Array, add_up, pick
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import Term
 
@@ -116,10 +116,11 @@ class Paper(Reward):
             "information": self._information(state, events),
             "occurrence": pick(xp, self._occurrence, overserved),
         }
-        for i in range(self._rounds):
-            served = nodes.gather(state.deliveries, nodes.flat_index(events.polled[..., i]))
-            overserved = events.polled_delivered[..., i] & (served > self._ideal_deliveries)
-            terms["occurrence"] = terms["occurrence"] + pick(xp, self._occurrence, overserved)
+        if self._rounds:
+            served = nodes.gather(state.deliveries, nodes.flat_index(events.polled))
+            overserved = events.polled_delivered & (served > self._ideal_deliveries)
+            penalties = pick(xp, self._occurrence, overserved)
+            terms["occurrence"] = terms["occurrence"] + add_up(xp, penalties, 2)
         if not self._is_alone:
             terms["separation"] = pick(xp, self._separation, events.blocked)
         if settings.unserved_penalty:

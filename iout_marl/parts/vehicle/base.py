@@ -143,7 +143,8 @@ class Vehicle(Part):
         way_m = whole_way_m / slots
         power_w = np.asarray(self.propulsion_power_w(way_m / slot_s), dtype=np.float64)
         self._move_j, self._way_m = floats(power_w * slot_s), floats(way_m)
-        self._whole_way_m = floats(whole_way_m)
+        #: Of who drifts; None where every move is over in a slot.
+        self._whole_way_m = floats(whole_way_m) if (slots > 1).any() else None
         self._slots = world.backend.integers(slots)
         self._hotel_j = floats(self.hotel_w * slot_s)
         self._zero = floats(0.0)
@@ -283,23 +284,27 @@ class Vehicle(Part):
         way_m = lookup(xp, self._way_m, offset)
         if propulsion_j is None:
             propulsion_j = lookup(xp, self._move_j, offset)
-        if idle is not None:
+        if idle is not None and self._whole_way_m is not None:
             # Who drifts does so within the slot, however long a move to there would take.
             way_m = xp.where(idle, lookup(xp, self._whole_way_m, offset), way_m)
         charging_j = charging_s * self._charging_w
         # In the order in which `stays` and `can_charge` subtract, so that nothing is overdrawn.
         left_j = state.battery_j - hotel_j - propulsion_j - charging_j
-        dock_j = lookup(xp, self._dock_j, cell)
-        if heading is not cell:
-            dock_j = xp.where(heading == cell, dock_j, self._zero)
-        docked_j = xp.minimum(self._capacity_j - left_j, dock_j)
-        fields = {
+        battery_j, all_docked_j = left_j, state.docked_j
+        if self.docks:
+            dock_j = lookup(xp, self._dock_j, cell)
+            if heading is not cell:
+                dock_j = xp.where(heading == cell, dock_j, self._zero)
+            docked_j = xp.minimum(self._capacity_j - left_j, dock_j)
             # What fills it up may pass its capacity by a rounding.
-            "battery_j": xp.minimum(left_j + docked_j, self._capacity_j),
+            battery_j = xp.minimum(left_j + docked_j, self._capacity_j)
+            all_docked_j = state.docked_j + docked_j
+        fields = {
+            "battery_j": battery_j,
             "propulsion_j": state.propulsion_j + propulsion_j,
             "hotel_j": state.hotel_j + hotel_j,
             "charging_j": state.charging_j + charging_j,
-            "docked_j": state.docked_j + docked_j,
+            "docked_j": all_docked_j,
             "distance_m": state.distance_m + way_m,
             "stranded_slots": state.stranded_slots + cast(xp, stranded, left_j.dtype),
         }
