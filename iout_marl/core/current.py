@@ -110,7 +110,8 @@ class CurrentField:
         codes = grid.encode(grid.all_coordinates())
         table = np.zeros((len(frames.velocity_m_per_s), grid.num_codes, 2))
         table[:, codes] = frames.velocity_m_per_s
-        self._velocity = [backend.floats(table[..., axis].reshape(-1)) for axis in (0, 1)]
+        # Flattened, not viewed: NumPy would copy a table whose entries lie apart at each look-up.
+        self._velocity = [backend.floats(table[..., axis].flatten()) for axis in (0, 1)]
         self._is_steady = frames.is_steady
         self._columns, wander = 0, scenario.current.part.wander(scenario)
         if wander is not None:

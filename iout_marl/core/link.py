@@ -108,6 +108,8 @@ class Link:
         self.slot_uplink_j = backend.floats(uplink_j)
         least_s = bounded(self.budget.least_uplink_s(distance_m), 0.0, FARTHEST_M)
         self.least_uplink_s = backend.floats(least_s)
+        #: How long an uplink takes at least from the farthest node, in s.
+        self.farthest_uplink_s = float(least_s.max())
 
     def _uplink_j(self, power_per_snr_w: Array, distance_m: ArrayLike) -> Array:
         energy_j = self.budget.required_energy_j(

@@ -107,7 +107,7 @@ class Hearing(Part):
             np.full((world.num_envs, self._num_auvs), scenario.num_nodes)
         )
         # In time division what is left of a slot differs.
-        longest_s = self._num_rounds * float(self._link.least_uplink_s.max())
+        longest_s = self._num_rounds * self._link.farthest_uplink_s
         self._time_binds = scenario.duplex.part.splits_slot or longest_s > scenario.slot_s * 0.999
         self._zero = backend.floats(0.0)
         self._none = backend.floats(float("-inf"))
