@@ -63,6 +63,11 @@ class Water:
         along_x, along_y = self.wander
         return speed * math.cos(angle) + along_x, speed * math.sin(angle) + along_y
 
+    def start(self, drawn: Sequence[float]) -> None:
+        """Let it begin an episode with what chance adds, by such numbers."""
+        sigma = self.settings.sigma_m_per_s
+        self.wander = [max(-4 * sigma, min(4 * sigma, sigma * n)) for n in drawn]
+
     def change(self, drawn: Sequence[float]) -> None:
         """Let it wander on, by a normal number for each component, after a slot."""
         own, lasts_s = self.settings, self.settings.time_constant_h * 3600

@@ -16,7 +16,7 @@ from iout_marl.core.chance import Draw
 from iout_marl.core.state import SEA_FIELDS, STORE_FIELDS, TRANSIT_FIELDS, VEHICLE_FIELDS
 from iout_marl.scenario import Scenario
 from iout_marl.world import Chance, State, World, node_codes, redraws_every_episode
-from iout_marl.world.chance import completed
+from iout_marl.world.chance import completed, first_of_current
 from trainers.accel import Runtime
 from trainers.accel.graphs import write_over
 from trainers.networks import ActorCritic, uniform_noise
@@ -92,12 +92,24 @@ class Collector:
 
     def _first_state(self, previous: State | None = None) -> State:
         if previous is not None and not self._redraws:
-            return self.world.reset(previous.node_cell)
+            return self.world.reset(previous.node_cell, current=self._first_of_current())
         codes = [
             node_codes(scenario, self.world.grid, [rng] * self.num_envs)[self._own]
             for scenario, rng in zip(self._scenarios, self.layout_rngs, strict=True)
         ]
-        return self.world.reset(self._to_device(np.concatenate(codes)))
+        cells = self._to_device(np.concatenate(codes))
+        return self.world.reset(cells, current=self._first_of_current())
+
+    def _first_of_current(self) -> Any:
+        """What the current of each environment begins with, where that is left to chance."""
+        if not self.world.chance:
+            return None
+        drawn = [
+            first_of_current(scenario, [rng] * self.num_envs)
+            for scenario, rng in zip(self._scenarios, self.layout_rngs, strict=True)
+        ]
+        found = [numbers[self._own] for numbers in drawn if numbers is not None]
+        return self._to_device(np.concatenate(found)) if found else None
 
     def _to_device(self, array: npt.NDArray[Any]) -> Any:
         """An array as the world takes it; to a GPU without waiting for what runs there."""

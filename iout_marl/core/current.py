@@ -12,6 +12,7 @@ from iout_marl.core.chance import Chance
 from iout_marl.core.grid import Floats, Grid
 from iout_marl.core.pace import Pace
 from iout_marl.core.state import State
+from iout_marl.core.wandering import Wandering
 from iout_marl.physics.arrays import Array, lookup
 from iout_marl.scenario import Scenario
 
@@ -74,12 +75,12 @@ class Frames(NamedTuple):
 class Wander(NamedTuple):
     """What chance adds to either component of a current, the same in all cells."""
 
-    sigma_m_per_s: float  # its standard deviation in the long run
-    persistence: float  # ρ, the share of it that the next slot keeps
+    sigma_m_per_s: float  # its standard deviation
+    coherence_s: float  # T, after which its correlation has fallen to 1/e; see `Wandering`
 
     @property
     def most_m_per_s(self) -> float:
-        """Where either component is cut off."""
+        """Where either component is cut off, so that the current has a highest speed."""
         return CUT_OFF * self.sigma_m_per_s
 
 
@@ -113,13 +114,15 @@ class CurrentField:
         # Flattened, not viewed: NumPy would copy a table whose entries lie apart at each look-up.
         self._velocity = [backend.floats(table[..., axis].flatten()) for axis in (0, 1)]
         self._is_steady = frames.is_steady
-        self._columns, wander = 0, scenario.current.part.wander(scenario)
-        if wander is not None:
-            self._columns = 2
-            self._persistence = backend.floats(wander.persistence)
-            innovation = np.sqrt(1 - wander.persistence**2) * wander.sigma_m_per_s
-            self._innovation = backend.floats(innovation)
-            self._limits = [backend.floats(sign * wander.most_m_per_s) for sign in (-1, 1)]
+        self._wandering: Wandering | None = None
+        if (wander := scenario.current.part.wander(scenario)) is not None:
+            self._wandering = Wandering(
+                backend,
+                wander.sigma_m_per_s,
+                wander.coherence_s,
+                scenario.slot_s,
+                wander.most_m_per_s,
+            )
         self._backend = backend
         if not self._is_steady:
             # What is seen after the last slot is seen of it.
@@ -136,19 +139,24 @@ class CurrentField:
         self._over_ground = [backend.floats(over_ground[:, axis]) for axis in (0, 1)]
         self._vertical_squared = backend.floats(over_ground[:, 2] ** 2)
 
-    def first(self, num_envs: int) -> Array:
-        """What chance adds when an episode begins: nothing, (envs, 2), or (envs, 0) where never."""
-        return self._backend.zeros((num_envs, self._columns))
+    def first(self, num_envs: int, normal: Array | None = None) -> Array:
+        """What chance adds in the first slot: (envs, 2) in m/s, or (envs, 0) where it never does.
+
+        Args:
+            num_envs: environments.
+            normal: (envs, 2) what is drawn for it; None for 0, the mean of the current.
+        """
+        backend = self._backend
+        if self._wandering is None or normal is None:
+            return backend.zeros((num_envs, 0 if self._wandering is None else 2))
+        return self._wandering.first(backend.with_envs_inside(backend.floats(normal)))
 
     def after(self, state: State, chance: Chance | None) -> Array:
         """What chance adds in the slot that comes next, alike."""
-        wander = state.wander_m_per_s
-        if not self._columns:
-            return wander
+        if self._wandering is None:
+            return state.wander_m_per_s
         assert chance is not None  # or `World.step` has refused it
-        wander = self._persistence * wander + self._innovation * chance.current
-        low, high = self._limits
-        return self._xp.minimum(self._xp.maximum(wander, low), high)
+        return self._wandering.following(state.wander_m_per_s, chance.current)
 
     def at(self, state: State) -> tuple[Array, Array]:
         """The current along x and y in m/s, (envs, auvs) each, in the slot that begins.
@@ -156,7 +164,7 @@ class CurrentField:
         After the last slot it is that of the last, but for what chance adds.
         """
         x, y = self._by_tables(state.slot, state.cell)
-        if self._columns:
+        if self._wandering is not None:
             x, y = x + state.wander_m_per_s[:, :1], y + state.wander_m_per_s[:, 1:]
         return x, y
 

@@ -28,6 +28,7 @@ from iout_marl.world import (
     redraws_every_episode,
 )
 from iout_marl.world.actions import ActionCheck
+from iout_marl.world.chance import first_of_current
 from iout_marl.world.observation import Ranges
 
 #: Infos of one slot of one environment, by name: of now, of the episode so far, or of an AUV in
@@ -176,7 +177,8 @@ class EpisodeBatch:
             self._chance.restart(range(self._num_envs), {i: self._rngs[i] for i in reseeded})
         elif self.world.chance:
             self._chance = ChanceStream(self.scenario, self._rngs)
-        self._stepper = self._stepper_from(self.world.reset(self._layout))
+        current = self._first_of_current(list(range(self._num_envs)))
+        self._stepper = self._stepper_from(self.world.reset(self._layout, current=current))
         self._show()
 
     def _restart(self, seeds: Sequence[int | None] | None, where: npt.NDArray[np.bool_]) -> None:
@@ -194,10 +196,21 @@ class EpisodeBatch:
             self._layout[drawn] = node_codes(self.scenario, self.world.grid, rngs)
         if self._chance is not None:
             self._chance.restart(rows, {i: self._rngs[i] for i in seeded})
-        first = self.world.reset(self._layout)
+        first = self.world.reset(self._layout, current=self._first_of_current(rows))
         state = State(*(_written(old, new, where) for old, new in zip(before, first, strict=True)))
         self._stepper, self._is_apart = self._stepper_from(state, events), bool(state.slot.any())
         self._show()
+
+    def _first_of_current(self, rows: list[int]) -> npt.NDArray[np.float64] | None:
+        """As `first_of_current`, drawn for some environments alone."""
+        drawn = None
+        if self.world.chance:
+            drawn = first_of_current(self.scenario, [self._rngs[i] for i in rows])
+        if drawn is None:
+            return None
+        of_all = np.zeros((self._num_envs, drawn.shape[1]))
+        of_all[rows] = drawn
+        return of_all
 
     def action_space_for(self, num_auvs: int) -> spaces.MultiDiscrete:
         """The actions of some AUVs, joined end to end.

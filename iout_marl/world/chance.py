@@ -31,6 +31,18 @@ def draws_of(scenario: Scenario) -> dict[str, Draw]:
     }
 
 
+def first_of_current(
+    scenario: Scenario, rngs: Sequence[np.random.Generator]
+) -> npt.NDArray[np.float64] | None:
+    """What a current that changes by chance begins episodes with: (envs, 2) standard normal.
+
+    None of one that does not. They are drawn from the streams of the layouts, after these:
+    arguments as of `node_codes`.
+    """
+    draw = draws_of(scenario).get("current")
+    return None if draw is None else np.stack([rng.standard_normal(draw.shape) for rng in rngs])
+
+
 class ChanceStream(Iterator[Chance | None]):
     """The chance of a batch of episodes, slot by slot, as float64 NumPy arrays.
 

@@ -39,7 +39,13 @@ from iout_marl.scenario import AnyScenario, Overrides, load_scenario
 from iout_marl.scenario.parts import outside_parts
 from iout_marl.whole import MAX_SEED, whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
-from iout_marl.world.chance import ChanceStream, check_chance, draws_of, expected
+from iout_marl.world.chance import (
+    ChanceStream,
+    check_chance,
+    draws_of,
+    expected,
+    first_of_current,
+)
 from iout_marl.world.manoeuvre import Manoeuvre
 from iout_marl.world.mask import ActionMask
 from iout_marl.world.motion import Mover
@@ -188,7 +194,11 @@ class World:
             check_first_slot(_Unchecked, self.scenario, library, dtype, device)
 
     def reset(
-        self, node_cell: npt.NDArray[np.int64] | None = None, *, seed: int | None = None
+        self,
+        node_cell: npt.NDArray[np.int64] | None = None,
+        *,
+        seed: int | None = None,
+        current: Array | None = None,
     ) -> State:
         """The first state of an episode of every environment.
 
@@ -197,13 +207,19 @@ class World:
                 draws them here, where the scenario leaves them to chance.
             seed: of that draw: environment i has the layout of an environment reset by
                 `seed + i`. None takes the operating system's entropy.
+            current: (envs, 2) standard normal numbers that a current which changes by chance
+                begins with, of `first_of_current`; None draws them where layouts are drawn here,
+                and else begins with its mean.
 
         Raises:
             InputError: they are something else, or both are given. What lies on an accelerator,
                 which would have to stop for it, is not looked at.
         """
         if node_cell is None:
-            node_cell = self._drawn(seed)
+            streams = self._streams(seed)
+            node_cell = node_codes(self.scenario, self.grid, streams)
+            if self.chance and current is None:
+                current = first_of_current(self.scenario, streams)
         elif seed is not None:
             raise InputError("seed: node_cell says where the nodes lie; give one of the two")
         if not is_on_accelerator(node_cell):
@@ -232,7 +248,7 @@ class World:
             **self.motion.first(self.num_envs),
             wander_m_per_s=backend.zeros((self.num_envs, 0))
             if self.current is None
-            else self.current.first(self.num_envs),
+            else self.current.first(self.num_envs, current),
             **self._first_of_sea(),
             sums=backend.zeros((self.num_envs, len(self.summed))),
         )
@@ -241,9 +257,6 @@ class World:
         if self.reception is None:
             return nothing(self.backend, self.num_envs, self.num_auvs)
         return self.reception.first(self.num_envs)
-
-    def _drawn(self, seed: int | None) -> npt.NDArray[np.int64]:
-        return node_codes(self.scenario, self.grid, self._streams(seed))
 
     def _streams(self, seed: int | None) -> list[np.random.Generator]:
         if seed is None:

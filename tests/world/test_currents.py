@@ -10,6 +10,7 @@ from oracle import Oracle
 from iout_marl import InputError, World, evaluate, iout_v0, load_scenario, parts
 from iout_marl.bounds import bound
 from iout_marl.core.grid import Grid
+from iout_marl.envs.episodes import EpisodeBatch
 from iout_marl.parts.current.base import positions_m
 from iout_marl.physics import propulsion_power_w
 from iout_marl.policies import Budget, PlannerPolicy
@@ -18,6 +19,7 @@ from iout_marl.replay import Recording
 from iout_marl.replay.page import render_page
 from iout_marl.replay.recorder import record_policy
 from iout_marl.tracing.unrolled import UnrolledSlot, numbers
+from iout_marl.world import node_codes
 from trainers import Trainer
 
 HULL = (BATTERY["drag_area_m2"], BATTERY["drag_coefficient"], BATTERY["propulsion_efficiency"])
@@ -346,9 +348,19 @@ def test_a_current_that_wanders_is_that_of_the_oracle():
     world = make(
         {**WANDERING, "speed_m_per_s": 3.3}, 3, motor, **{"observation.entries": ["current"]}
     )
-    scenario, state, chance = world.scenario, world.reset(seed=0), world.draw_chance(5)
+    scenario, chance, rng, drifted = (
+        world.scenario,
+        world.draw_chance(5),
+        np.random.default_rng(0),
+        0,
+    )
+    codes = node_codes(scenario, world.grid, [rng] * 3)
+    # The last one is beyond where the current is cut off.
+    first = np.array([[0.5, -1.2], [-0.3, 0.1], [7.0, -5.0]])
+    state = world.reset(codes, current=first)
     oracles = [Oracle(scenario, scenario.nodes.cells[: scenario.num_nodes]) for _ in range(3)]
-    rng, drifted = np.random.default_rng(0), 0
+    for oracle, drawn in zip(oracles, first.tolist(), strict=True):
+        oracle.water.start(drawn)
     for drawn, _ in zip(chance, range(world.num_slots), strict=False):
         action = np.stack([rng.integers(0, n, (3, 1)) for n in world.action_sizes], -1)
         state, _ = world.step(state, action, drawn)
@@ -367,17 +379,34 @@ def test_a_current_that_wanders_is_that_of_the_oracle():
 def test_a_current_that_wanders_has_its_standard_deviation_and_forgets():
     still = {**WANDERING, "speed_m_per_s": 0.0}
     world = make(still, 400, **{"episode.duration_s": 6000})
-    state, chance, found = world.reset(seed=0), world.draw_chance(1), []
+    state, chance = world.reset(seed=0), world.draw_chance(1)
+    assert state.wander_m_per_s.std() == pytest.approx(0.8, rel=0.1)
+    found = [state.wander_m_per_s]
     for _ in range(world.num_slots):
         action = np.zeros((400, 1, 3), dtype=np.int64)
         state, _ = world.step(state, action, next(chance))
         found.append(state.wander_m_per_s)
-    added = np.array(found)[40:]
+    added = np.array(found)
+    assert added[:5].std() == pytest.approx(0.8, rel=0.05)
     assert added.std() == pytest.approx(0.8, rel=0.02)
     assert np.abs(added).max() <= 3.2
     persistence = np.exp(-world.link.slot_s / 180)
     correlation = np.corrcoef(added[1:].ravel(), added[:-1].ravel())[0, 1]
     assert correlation == pytest.approx(persistence, abs=0.01)
+
+
+def test_a_current_begins_alone_as_in_a_batch():
+    world = make(WANDERING, 3)
+    scenario, three = world.scenario, world.reset(seed=4)
+    for i in range(3):
+        alone = World(scenario, 1).reset(seed=4 + i)
+        assert np.array_equal(alone.wander_m_per_s[0], three.wander_m_per_s[i])
+    played = EpisodeBatch(scenario, 3)
+    played.reset([4, 5, 6])
+    assert np.array_equal(played.current.wander_m_per_s, three.wander_m_per_s)
+    played.reset([None, 4, None], np.array([False, True, False]))
+    found = played.current.wander_m_per_s
+    assert np.array_equal(found, three.wander_m_per_s[[0, 0, 2]])
 
 
 def test_without_deviation_it_is_uniform():

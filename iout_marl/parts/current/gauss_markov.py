@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 import numpy as np
@@ -20,8 +19,9 @@ from iout_marl.scenario.parts import Settings as PartSettings
 class GaussMarkov(Current):
     """A current that is the same everywhere and wanders about its mean by a Gauss–Markov process.
 
-    To either component of the mean it adds g, of slot to slot g' = ρ g + √(1 − ρ²) σ n with
-    ρ = e^(−τ/T) and n standard normal, cut off at 4 σ; an episode begins with g = 0.
+    To either component of the mean it adds g: σ n in the first slot, and from slot to slot
+    g' = ρ g + √(1 − ρ²) σ n with ρ = e^(−τ/T) and n standard normal. It is cut off at 4 σ, so that
+    the current has a highest speed.
     """
 
     class Settings(PartSettings):
@@ -39,9 +39,8 @@ class GaussMarkov(Current):
     def draws(self, scenario: Scenario) -> dict[str, Draw]:  # noqa: ARG002
         return {"current": Draw("normal", (2,))}
 
-    def wander(self, scenario: Scenario) -> Wander:
-        persistence = math.exp(-scenario.slot_s / (3600 * self.settings.time_constant_h))
-        return Wander(self.settings.sigma_m_per_s, persistence)
+    def wander(self, scenario: Scenario) -> Wander:  # noqa: ARG002
+        return Wander(self.settings.sigma_m_per_s, 3600 * self.settings.time_constant_h)
 
     def frames(self, scenario: Scenario) -> Frames:
         mean = toward(self.settings.speed_m_per_s, self.settings.toward_deg)
