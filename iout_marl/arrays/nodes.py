@@ -9,6 +9,7 @@ from iout_marl.physics.arrays import (
     Array,
     add_at,
     adds_at_indices,
+    highest,
     lookup,
     lookup_inside,
     reverse_axes,
@@ -102,8 +103,7 @@ class NodeAxis:
 
     def max(self, values: Array) -> Array:
         """The highest over nodes: (envs, nodes) to (envs,)."""
-        # What `np.max` comes down to, in less than half its time for a single environment.
-        return (np.maximum.reduce if self._xp is np else self._xp.max)(values, axis=-1)
+        return highest(self._xp, values, -1)
 
     def broadcast_to_auvs(self, values: Array) -> Array:
         """The same value for every AUV: (envs,) to (envs, auvs)."""

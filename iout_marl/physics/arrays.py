@@ -133,3 +133,9 @@ def lookup_inside(xp: Any, table: Array, index: Array) -> Array:
 def add_up(xp: Any, values: Array, axis: int) -> Array:
     """Sums along an axis."""
     return np.add.reduce(values, axis=axis) if xp is np else xp.sum(values, axis=axis)
+
+
+def highest(xp: Any, values: Array, axis: int) -> Array:
+    """The highest numbers along an axis."""
+    # What `np.max` comes down to, in less than half its time for a single environment.
+    return np.maximum.reduce(values, axis=axis) if xp is np else xp.max(values, axis=axis)

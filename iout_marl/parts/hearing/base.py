@@ -14,7 +14,7 @@ from iout_marl.core.split import Split
 from iout_marl.parts.access import Access, Request, Uplinks
 from iout_marl.parts.base import Context, Part
 from iout_marl.parts.storage import Storage
-from iout_marl.physics.arrays import Array, joined, lookup_inside, pick, reverse_axes
+from iout_marl.physics.arrays import Array, highest, joined, lookup_inside, pick, reverse_axes
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import invalid
@@ -143,19 +143,22 @@ class Hearing(Part):
             xp, pick(xp, self._only_if, reverse_axes(xp, pays))
         )
         urgency = self._without(urgency, nodes.flat_index(request.heard), chosen)
-        # Where β is 1, the whole slot goes to charging.
-        left_s = xp.where(call.split.beta < 1, call.split.uplink_s, self._zero)
-        lasts_s = lookup_inside(xp, link.least_uplink_s, offset) if self._time_binds else None
-        goes_on = call.listens & (left_s > self._zero)
+        goes_on, left_s, lasts_s = call.listens, self._zero, None
+        if self._time_binds:
+            # Where β is 1, the whole slot goes to charging.
+            left_s = xp.where(call.split.beta < 1, call.split.uplink_s, self._zero)
+            lasts_s = lookup_inside(xp, link.least_uplink_s, offset)
         node = xp.where(chosen, request.heard, self._nobody)
         taken, took_s, rounds = [], [], []
         for number in range(self._num_rounds):
-            for _ in range(self._num_auvs):
+            for attempt in range(self._num_auvs):
                 # Who loses a node to a nearer AUV names the next one.
-                waits = goes_on & (node == self._nobody)
-                bid = xp.where(waits, self._most_urgent(urgency, lasts_s, left_s), self._nobody)
+                waits = goes_on
+                if attempt or not number:
+                    waits = goes_on & (node == self._nobody)
+                bid = self._bid(waits, urgency, lasts_s, left_s)
                 if self._num_auvs == 1:
-                    node = xp.minimum(node, bid)
+                    node = bid if number else xp.minimum(node, bid)
                     continue
                 place = nodes.flat_index(bid)
                 wins = access.to_nearest(self._request(call, bid, place))
@@ -173,7 +176,8 @@ class Hearing(Part):
             sent = asks.sends & (delivered | (spent_j > self._zero))
             goes_on = goes_on & (delivered | ~sent)
             lasted_s = xp.where(sent, link.at(link.least_uplink_s, asks.offset), self._zero)
-            left_s = left_s - lasted_s
+            if self._time_binds:
+                left_s = left_s - lasted_s
             taken.append((xp.where(sent, node, self._nobody), delivered, spent_j))
             took_s.append(lasted_s)
             rounds.append((asks, split))
@@ -187,13 +191,20 @@ class Hearing(Part):
             return self._nodes.scatter_add(urgency[:, 0, :], place, never)[:, None, :]
         return urgency + self._nodes.total(place, never)[:, None, :]
 
-    def _most_urgent(self, urgency: Array, lasts_s: Array | None, left_s: Array) -> Array:
-        """The node that each AUV asks next, (envs, auvs); K where none is left."""
+    def _bid(self, waits: Array, urgency: Array, lasts_s: Array | None, left_s: Array) -> Array:
+        """The node that each AUV that waits asks next, (envs, auvs); K where none is left.
+
+        Args:
+            waits: (envs, auvs) bool.
+            urgency: (envs, auvs, nodes), −∞ of nodes that are not asked.
+            lasts_s: how long uplinks of nodes last, alike; None where time does not bind.
+            left_s: (envs, auvs) what is left of the slot.
+        """
         xp = self.xp
         if lasts_s is not None:
             urgency = xp.where(lasts_s <= left_s[..., None], urgency, self._none)
-        is_any = xp.max(urgency, axis=2) > self._none
-        return xp.where(is_any, xp.argmax(urgency, axis=2), self._nobody)
+        asks = waits & (highest(xp, urgency, 2) > self._none)
+        return xp.where(asks, xp.argmax(urgency, axis=2), self._nobody)
 
     def _request(self, call: Call, node: Array, place: Array) -> Request:
         """The request for these nodes, (envs, auvs), K for none, at their places."""
