@@ -24,7 +24,7 @@ class Manoeuvre:
     """
 
     def __init__(self, context: Context, motion: Mover, vehicle: Vehicle) -> None:
-        backend = context.backend
+        self._backend = backend = context.backend
         self._xp = backend.xp
         self._motion, self._vehicle, self._current = motion, vehicle, context.current
         self._zero = backend.floats(0.0)
@@ -70,7 +70,10 @@ class Manoeuvre:
             if stranded is None:
                 stranded = vehicle.is_stranded(state.battery_j)
             stays, drifts, idle = stays | stranded, drifts & ~stranded, drifts | stranded
-        moved = motion.move(state, direction, stays, (drifts, self._where_to(flow)))
+        carried = None
+        if not self._backend.surely_none(drifts):
+            carried = drifts, self._where_to(flow)
+        moved = motion.move(state, direction, stays, carried)
         moved = moved._replace(idle=idle)
         if not vehicle.is_limited:
             return moved

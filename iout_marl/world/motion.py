@@ -120,7 +120,7 @@ class Mover:
             stays: (envs, auvs) bool, who stays whatever its direction, and gives up a move that is
                 not over; None for nobody.
             drift: (envs, auvs) bool, which of those drift instead, and indices into `DRIFTS` of
-                where to; None where there is no current.
+                where to; None for nobody.
         """
         xp, cell, transit_slots = self._xp, state.cell, state.transit_slots
         course = state.course

@@ -173,9 +173,9 @@ class Vehicle(Part):
         power_at = np.asarray(self.propulsion_power_w(dearest), dtype=np.float64)
         self._dearest_j = floats(power_at * world.link.slot_s)
         self._intervals_per_speed = floats((SPEED_INTERVALS + 1) / top)
-        self._speed_j = floats(power_w * world.link.slot_s)
+        self._speed_j = floats(power_w[:-1] * world.link.slot_s)
+        self._step_j = floats(np.diff(power_w) * world.link.slot_s)
         self._last_interval = world.backend.integers(SPEED_INTERVALS)
-        self._one = world.backend.integers(1)
         if self.docks:
             is_dock = np.zeros(world.grid.num_codes, dtype=np.bool_)
             is_dock[world.grid.encode(np.array(self.docks) - 1)] = True
@@ -212,9 +212,8 @@ class Vehicle(Part):
         xp = self.xp
         place = xp.minimum(speed, self._top_speed) * self._intervals_per_speed
         interval = xp.minimum(cast(xp, place, xp.int64), self._last_interval)
-        below_j = lookup(xp, self._speed_j, interval)
-        above_j = lookup(xp, self._speed_j, interval + self._one)
-        return below_j + (place - cast(xp, interval, place.dtype)) * (above_j - below_j)
+        share = place - cast(xp, interval, place.dtype)
+        return lookup(xp, self._speed_j, interval) + share * lookup(xp, self._step_j, interval)
 
     def is_stranded(self, battery_j: Array) -> Array:
         """Whether AUVs that begin a slot with this can do nothing in it, (envs, auvs) bool."""
