@@ -5,7 +5,7 @@
 # make reproduce  the paper's figures, tables and claims: a quarter of an hour on two cores
 # make site       the documentation site, in build/site: open build/site/index.html
 # make images     the pictures of README.md and docs/, made anew
-# make bench      speed of environment and trainer, side by side with others: seven minutes
+# make bench      speed of environment and trainer, side by side with others: eight minutes
 # make campaigns  bad input, kills and random slots by the thousand: ten minutes on two cores
 # make integrations        other people's trainers, each in a virtual environment of its own
 # make integrations-rllib  one of them: agilerl, benchmarl, rllib or tianshou
@@ -120,6 +120,7 @@ bench: $(BENCH)
 	$(BIN)/python benchmarks/training.py
 	$(BIN)/python benchmarks/learning_step.py
 	$(BIN)/python benchmarks/time_to_quality.py --seeds 1 --limit 30
+	$(BIN)/python benchmarks/sea.py --repeats 3
 
 # Libraries whose pins exclude one another; networks as small as these lose by a second thread.
 INTEGRATIONS := agilerl benchmarl rllib tianshou
