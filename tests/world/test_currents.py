@@ -332,6 +332,18 @@ def test_torch_in_single_precision_stays_near():
     assert np.allclose(other.propulsion_j.numpy(), state.propulsion_j, rtol=1e-4)
 
 
+def test_fields_too_many_for_a_table_by_slot_are_interpolated_on_the_way(monkeypatch):
+    scenario, flows = scenario_in("gyre"), []
+    for most in (2**20, 0):
+        monkeypatch.setattr("iout_marl.core.current._MOST_BY_SLOT", most)
+        world = World(scenario)
+        state = world.reset(seed=0)
+        slots = np.arange(0, scenario.num_slots + 1, 7)
+        flows.append([world.current.at(state._replace(slot=slots[[i]])) for i in range(len(slots))])
+    assert np.abs(flows[0]).max() > 0
+    assert np.allclose(*flows, rtol=1e-12, atol=1e-15)
+
+
 # What wanders by chance.
 
 WANDERING = {
