@@ -64,20 +64,27 @@ reproduce: $(EMISSIONS)
 	$(BIN)/iout reproduce
 
 # Tables that the software makes of itself, and the pages of the committed results;
-# RESULTS=runs/paper, MULTI=runs/multi, GAP=runs/gap, FAIRNESS=runs/fairness and BAY=runs/bay take
-# over those of new runs.
-define PAGE
+# RESULTS=runs/paper, MULTI=runs/multi, GAP=runs/gap, FAIRNESS=runs/fairness, BAY=runs/bay,
+# SEA=runs/sea, LIFE=runs/sea-life and DEPLOYMENTS=runs/sea-deployments take over those of new runs.
+define TAKE
 	$(if $($(1)),mkdir -p docs/$(2) && cp $($(1))/results.json $($(1))/results.csv docs/$(2)/)
+
+endef
+define PAGE
+	$(call TAKE,$(1),$(2))
 	$(BIN)/iout report docs/$(2) --markdown docs/$(3).md
 
 endef
 docs: $(RUNTIME)
-	$(BIN)/python docs/tables.py
 	$(call PAGE,RESULTS,results,reproduction)
 	$(call PAGE,MULTI,multi,multi-auv-results)
 	$(call PAGE,GAP,gap,gap-results)
 	$(call PAGE,FAIRNESS,fairness,fairness-results)
 	$(call PAGE,BAY,bay,bay-results)
+	$(call PAGE,SEA,sea,sea-results)
+	$(call TAKE,LIFE,sea-life)
+	$(call TAKE,DEPLOYMENTS,sea-deployments)
+	$(BIN)/python docs/tables.py
 
 # Strictly: a warning, of a broken link say, is an error (and with --quiet it would not be one).
 site: $(SITE)

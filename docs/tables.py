@@ -14,6 +14,14 @@ from typing import Any
 from command_tables import commands_reference
 from environment_tables import entries_tables, spaces_tables
 from markdown_tables import numeral, page_of, table
+from sea_tables import (
+    conclusions_table,
+    deployments_tables,
+    energy_tables,
+    fairness_table,
+    life_table,
+    steps_tables,
+)
 
 from iout_marl import World, load_scenario, metrics
 from iout_marl.registry import Entry, registry_of
@@ -222,9 +230,15 @@ class _Observed:
 #: The tables, by name, with the pages that they stand on.
 TABLES: dict[str, tuple[Path, Callable[[], str]]] = {
     "commands": (HERE / "commands.md", commands_reference),
+    "conclusions": (HERE / "at-sea.md", conclusions_table),
+    "deployments": (HERE / "at-sea.md", deployments_tables),
+    "energy at sea": (HERE / "at-sea.md", energy_tables),
     "entries": (HERE / "environment.md", entries_tables),
+    "fairness at sea": (HERE / "at-sea.md", fairness_table),
+    "life": (HERE / "at-sea.md", life_table),
     "metrics": (HERE / "metrics.md", metrics_table),
     "scenario": (HERE / "scenario.md", scenario_reference),
+    "steps": (HERE / "at-sea.md", steps_tables),
     "spaces": (HERE / "environment.md", spaces_tables),
 }
 
