@@ -290,10 +290,11 @@ def _play(scenario: Scenario) -> None:
     assert line is None or line.isprintable()
     world, rng = World(scenario, 2), np.random.default_rng(0)
     state = world.reset(node_codes(scenario, world.grid, [rng, rng]))
+    chances = world.draw_chance(0)
     for _ in range(min(SLOTS, world.num_slots)):
         sizes = world.action_sizes
         actions = [rng.integers(0, size, (2, world.num_auvs)) for size in sizes]
-        state, events = world.step(state, np.stack(actions, axis=-1))
+        state, events = world.step(state, np.stack(actions, axis=-1), next(chances))
         for array in (*state, world.reward(state, events), world.observe(state)):
             assert array is None or np.isfinite(array).all(), "a number that is none"
 

@@ -95,7 +95,7 @@ def _from_csv(file: DataFile) -> Record:
 
 
 def _from_netcdf(file: DataFile) -> Record:
-    require("a current from NetCDF", "currents", "xarray", "h5netcdf")
+    require("a current from NetCDF", "currents", "xarray", "h5netcdf", "h5py")
     import xarray
 
     engine = "scipy" if file.contents[:3] == b"CDF" else "h5netcdf"
