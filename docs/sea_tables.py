@@ -121,15 +121,13 @@ def _estimate(made: Results, series: str, place: float) -> Estimate:
 
 def _less(first: Estimate, second: Estimate, one: str, other: str) -> str:
     """Which of both is less, where their intervals do not overlap, and by how much."""
-    change = f"{100 * abs(second.mean / first.mean - 1):.0f} %"
-    ends = [(e.mean if math.isnan(e.low) else e.low, e.mean if math.isnan(e.high) else e.high)
-            for e in (first, second)]  # fmt: skip
-    (low, high), (other_low, other_high) = ends
-    if high < other_low:
-        return f"{one} by {change}"
-    if other_high < low:
-        return f"{other} by {100 * abs(first.mean / second.mean - 1):.0f} %"
-    return "not told apart"
+    ranked = sorted(((first, one), (second, other)), key=lambda each: each[0].mean)
+    (better, name), (worse, _) = ranked
+    highest = better.mean if math.isnan(better.high) else better.high
+    lowest = worse.mean if math.isnan(worse.low) else worse.low
+    if highest >= lowest:
+        return "not told apart"
+    return f"{name} by {100 * (worse.mean / better.mean - 1):.0f} %"
 
 
 def energy_tables() -> str:

@@ -43,7 +43,7 @@ class Return(BasePolicy):
     Nodes are named as by `tour`. Where an AUV may charge nobody (`auvs.idle_choices`), it charges
     nobody on its way back. Docks are shared out among AUVs, those nearest to their starts, where
     there are enough of them; who finds its dock taken waits, and AUVs go round others that are in
-    their way. In a current every move is reckoned as one against the strongest that there is, and
+    their way. In a current every move counts as one against the strongest that there is, and
     none is chosen that is impossible now; one that takes an AUV away is not foreseen. Without
     docks, or end of energy, it is a round alone.
     """

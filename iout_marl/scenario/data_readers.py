@@ -83,6 +83,33 @@ def read_csv(file: DataFile, allow_nan: bool = False) -> Arrays:  # noqa: FBT001
     return _frozen(dict(zip(names, table.T.copy(), strict=True)))
 
 
+def read_curve(
+    file: DataFile, names: tuple[str, str], low: float, high: float
+) -> tuple[Floats, Floats]:
+    """Two arrays of a file that make a curve, the first of which rises.
+
+    Args:
+        file: the file.
+        names: of both.
+        low, high: what the second must lie between.
+
+    Raises:
+        InputError: as by `read_arrays`, or they make none.
+    """
+    arrays = read_arrays(file)
+    if missing := [name for name in names if name not in arrays]:
+        raise file.fault(f"has no {missing[0]}: it has {', '.join(arrays)}")
+    along, values = (arrays[name] for name in names)
+    if along.ndim != 1 or along.shape != values.shape or len(along) < 2:
+        raise file.fault(f"{names[0]} and {names[1]} must be as many, two or more")
+    if not (np.diff(along) > 0).all():
+        raise file.fault(f"{names[0]}: must rise from line to line")
+    if values.min() < low or values.max() > high:
+        wrong = values[(values < low) | (values > high)][0]
+        raise file.fault(f"{names[1]}: must lie between {low:g} and {high:g}, not {wrong:g}")
+    return along, values
+
+
 def listed_on_axes(
     file: DataFile, names: tuple[str, ...], columns: Arrays
 ) -> tuple[tuple[Floats, ...], npt.NDArray[np.int64]]:

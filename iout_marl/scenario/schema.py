@@ -307,6 +307,11 @@ class Scenario(Section):
         return math.floor(self.episode.duration_s / self.slot_s * (1 + 1e-12))
 
     @property
+    def slot_middles_s(self) -> npt.NDArray[np.float64]:
+        """(slots,) seconds from the start of the episode to the middle of every slot."""
+        return (np.arange(self.num_slots) + 0.5) * np.float64(self.slot_s)
+
+    @property
     def node_weights(self) -> tuple[float, ...]:
         """δ_k of every node."""
         weights: tuple[float, ...] | None = self.nodes.part.weights

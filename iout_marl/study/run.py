@@ -48,9 +48,9 @@ MARKER = "study.json"
 BEGUN = (LOCK_NAME, "cells", "runs", f"{MARKER}.part")
 #: What it holds once it is finished, all but the report's Markdown, which may be elsewhere.
 OWN = (LOCK_NAME, MARKER, "cells", "runs", "results.json", "results.csv", "report.html", "figures")
-#: What a kill leaves of files that were being written.
 #: Files of a run that no policy needs.
 LOGS = ("metrics.jsonl", "events.out.tfevents.")
+#: What a kill leaves of files that were being written.
 PARTS = (
     *("study.json.part", "results.*.part", "report.*.part"),
     *("cells/*.part", "runs/*/*.part", "figures/*.part"),

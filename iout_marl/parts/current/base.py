@@ -194,7 +194,7 @@ def positions_m(scenario: Scenario) -> Floats:
 
 
 def middles_s(scenario: Scenario) -> Floats:
-    """(slots,) seconds from the start of the episode to the middle of every slot."""
+    """`Scenario.slot_middles_s`, of an episode for whose slots there is room."""
     if scenario.num_slots > MAX_SLOTS:
         raise invalid(
             ("current",),
@@ -202,4 +202,4 @@ def middles_s(scenario: Scenario) -> Floats:
             f"{MAX_SLOTS:,}",
             beside=("episode", "duration_s"),
         )
-    return (np.arange(scenario.num_slots) + 0.5) * np.float64(scenario.slot_s)
+    return scenario.slot_middles_s

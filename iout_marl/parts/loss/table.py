@@ -11,7 +11,7 @@ from iout_marl.errors import InputError
 from iout_marl.parts.loss.base import Loss, losses
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.data_files import DataFile
-from iout_marl.scenario.data_readers import read_arrays
+from iout_marl.scenario.data_readers import read_curve
 from iout_marl.scenario.fields import invalid
 from iout_marl.scenario.parts import Settings as PartSettings
 
@@ -48,17 +48,4 @@ class Table(Loss):
         Raises:
             InputError: the file has none.
         """
-        file = self.settings.file
-        arrays = read_arrays(file)
-        names = ("snr_db", "packet_error_rate")
-        if missing := [name for name in names if name not in arrays]:
-            raise file.fault(f"has no {missing[0]}: it has {', '.join(arrays)}")
-        snr_db, share = (arrays[name] for name in names)
-        if snr_db.ndim != 1 or snr_db.shape != share.shape or len(snr_db) < 2:
-            raise file.fault("snr_db and packet_error_rate must be as many, two or more")
-        if not (np.diff(snr_db) > 0).all():
-            raise file.fault("snr_db: must rise from line to line")
-        if share.min() < 0 or share.max() > 1:
-            wrong = share[(share < 0) | (share > 1)][0]
-            raise file.fault(f"packet_error_rate: must lie between 0 and 1, not {wrong:g}")
-        return snr_db, share
+        return read_curve(self.settings.file, ("snr_db", "packet_error_rate"), 0, 1)

@@ -13,7 +13,7 @@ from iout_marl.parts.wind.base import Blowing, Wind, winds
 from iout_marl.physics.arrays import lookup
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.data_files import DataFile
-from iout_marl.scenario.data_readers import read_arrays
+from iout_marl.scenario.data_readers import read_curve
 from iout_marl.scenario.fields import invalid
 from iout_marl.scenario.parts import Settings as PartSettings
 
@@ -57,8 +57,8 @@ class Series(Wind):
     def setup(self, world: Context) -> None:
         super().setup(world)
         scenario = world.scenario
-        middle_s = (np.arange(scenario.num_slots) + 0.5) * scenario.slot_s
-        self._by_slot = world.backend.floats(np.interp(middle_s, *self._read()))
+        by_slot = np.interp(scenario.slot_middles_s, *self._read())
+        self._by_slot = world.backend.floats(by_slot)
         self._last = world.backend.integers(scenario.num_slots - 1)
 
     def blowing(self, state: State, chance: Chance) -> Blowing:  # noqa: ARG002
@@ -72,17 +72,4 @@ class Series(Wind):
         Raises:
             InputError: the file has none.
         """
-        file = self.settings.file
-        arrays = read_arrays(file)
-        names = ("time_s", "wind_m_per_s")
-        if missing := [name for name in names if name not in arrays]:
-            raise file.fault(f"has no {missing[0]}: it has {', '.join(arrays)}")
-        time_s, speeds = (arrays[name] for name in names)
-        if time_s.ndim != 1 or time_s.shape != speeds.shape or len(time_s) < 2:
-            raise file.fault("time_s and wind_m_per_s must be as many, two or more")
-        if not (np.diff(time_s) > 0).all():
-            raise file.fault("time_s: must rise from line to line")
-        if speeds.min() < 0 or speeds.max() > _MOST:
-            wrong = speeds[(speeds < 0) | (speeds > _MOST)][0]
-            raise file.fault(f"wind_m_per_s: must lie between 0 and {_MOST:g}, not {wrong:g}")
-        return time_s, speeds
+        return read_curve(self.settings.file, ("time_s", "wind_m_per_s"), 0, _MOST)
