@@ -37,6 +37,7 @@ LAYERS = (
     ("iout_marl.metrics",),
     ("iout_marl.world",),
     ("iout_marl.tracing",),
+    ("iout_marl.compiled",),
     # Pictures of a slot, which environments hand out.
     ("iout_marl.render",),
     ("iout_marl.envs", "iout_marl.iout_v0"),

@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
+from iout_marl.compiled import SlotChoice
 from iout_marl.envs.arguments import render_mode_of
 from iout_marl.envs.maskable import MaskableMultiDiscrete
-from iout_marl.envs.stepper import ArrayStepper, Stepper, TracedStepper
+from iout_marl.envs.stepper import ArrayStepper, CompiledStepper, Stepper, TracedStepper
 from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text, print_text
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario
@@ -98,6 +99,7 @@ class EpisodeBatch:
         self.mask_place = self.scenario.observation.action_mask
         self._sizes = np.array(self.world.action_sizes)
         self._check = ActionCheck(self._num_envs, self.world.num_auvs, self.world.action_sizes)
+        self._choice = self._choice_of_slot()
         self.action_space = self.action_space_for(num_auvs=1)
         self.state_space = box(self.world.observer.state_ranges)
         self.vector_space = box(self.world.observer.agent_ranges)
@@ -117,7 +119,7 @@ class EpisodeBatch:
     def __getstate__(self) -> dict[str, Any]:
         # A world holds its array library, which cannot be copied, nor can a function made
         # of it; but they hold nothing that changes, either.
-        state = {**vars(self), "world": None, "_stepper": None}
+        state = {**vars(self), "world": None, "_stepper": None, "_choice": None}
         summed = tuple(metric.name for metric in self.world.summed)
         return state | {
             "_played": self._stepper and (self._stepper.state, self._stepper.events, summed)
@@ -127,6 +129,7 @@ class EpisodeBatch:
         played = state.pop("_played")
         vars(self).update(state)
         self.world = World(self.scenario, self._num_envs)
+        self._choice = self._choice_of_slot()
         if played:
             before, events, summed = played
             self._stepper = self._stepper_from(self.world.with_sums_of(before, summed), events)
@@ -137,9 +140,19 @@ class EpisodeBatch:
             slot = unrolled_slot(
                 self.scenario, with_mask=self.mask_place != "none", summed=self.world.summed
             )
-        if slot is None:
-            return ArrayStepper(self.world, state, events)
-        return TracedStepper(slot, self.world, state, events)
+        if slot is not None:
+            return TracedStepper(slot, self.world, state, events)
+        if (compiled := self._choice.slot()) is not None:
+            return CompiledStepper(compiled, self.world, state, events)
+        return ArrayStepper(self.world, state, events, self._choice)
+
+    def _choice_of_slot(self) -> SlotChoice:
+        return SlotChoice(
+            self.scenario,
+            observed="float32",
+            with_mask=self.mask_place != "none",
+            summed=self.world.summed,
+        )
 
     def reset(
         self,

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.compiled import CompiledSlot, Played, SlotChoice
 from iout_marl.tracing.unrolled import Numbers, UnrolledSlot, numbers
 from iout_marl.world import Chance, Events, State, World
 
@@ -48,17 +50,32 @@ class Stepper(Protocol):
 
 
 class ArrayStepper:
-    """Any number of episodes, by arrays."""
+    """Any number of episodes, by arrays.
 
-    def __init__(self, world: World, state: State, events: Events | None) -> None:
+    Args:
+        world, state, events: of the episodes.
+        choice: who wants to know how long it takes.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        state: State,
+        events: Events | None,
+        choice: SlotChoice | None = None,
+    ) -> None:
         self._world = world
+        self._choice = choice
         self.state, self.events = state, events
 
     def step(
         self, action: npt.NDArray[np.int64], chance: Chance | None = None
     ) -> npt.NDArray[np.float64]:
+        started = time.perf_counter()
         self.state, self.events = self._world.step(self.state, action, chance)
         reward: npt.NDArray[np.float64] = self._world.reward(self.state, self.events)
+        if self._choice is not None:
+            self._choice.seconds += time.perf_counter() - started
         return reward
 
     def observe(self) -> npt.NDArray[np.float32]:
@@ -74,6 +91,59 @@ class ArrayStepper:
     def last(self, name: str) -> npt.NDArray[Any]:
         array: npt.NDArray[Any] = getattr(self.events, name)
         return array
+
+
+class CompiledStepper:
+    """Any number of episodes, by a compiled slot."""
+
+    def __init__(
+        self, slot: CompiledSlot, world: World, state: State, events: Events | None
+    ) -> None:
+        self._slot, self._world = slot, world
+        self._state: State | None = state
+        self._events = events
+        self._rows = slot.rows(state)
+        self._played: Played | None = None
+        #: Observations of the last slot, until they are handed out.
+        self._seen: npt.NDArray[np.float32] | None = None
+
+    @property
+    def state(self) -> State:
+        if self._state is None:
+            self._state = self._slot.state(self._rows)
+        return self._state
+
+    @property
+    def events(self) -> Events | None:
+        if self._events is None and self._played is not None:
+            self._events = self._slot.events(self._played.events)
+        return self._events
+
+    def step(
+        self, action: npt.NDArray[np.int64], chance: Chance | None = None
+    ) -> npt.NDArray[np.float64]:
+        self._played = played = self._slot(self._rows, action, chance)
+        self._rows, self._seen = played.rows, played.observation
+        self._state = self._events = None
+        return played.reward
+
+    def observe(self) -> npt.NDArray[np.float32]:
+        seen, self._seen = self._seen, None
+        return _observed(self._world, self.state) if seen is None else seen
+
+    def masks(self) -> npt.NDArray[np.int8]:
+        if self._played is None or not self._played.mask.size:
+            return _masked(self._world, self.state)
+        return self._played.mask.astype(np.int8)
+
+    def now(self, name: str) -> npt.NDArray[Any]:
+        return self._slot.now(self._rows, name)
+
+    def last(self, name: str) -> npt.NDArray[Any]:
+        if self._played is None:
+            array: npt.NDArray[Any] = getattr(self._events, name)
+            return array
+        return self._slot.last(self._played.events, name)
 
 
 class TracedStepper:

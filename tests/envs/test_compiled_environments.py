@@ -1,0 +1,140 @@
+"""Environments are played by compiled slots once it pays, and nobody sees a difference."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from iout_marl.compiled import CompiledSlot, choice
+from iout_marl.compiled.choice import SlotChoice
+from iout_marl.envs import AUVVectorEnv
+from iout_marl.envs.stepper import ArrayStepper, CompiledStepper
+from iout_marl.errors import InputError
+from iout_marl.scenario import load_scenario
+from iout_marl.tracing.symbols import UnknownOperationError
+
+needs_numba = pytest.mark.skipif(choice.find_spec("numba") is None, reason="needs Numba")
+
+
+@pytest.fixture
+def when(monkeypatch):
+    return lambda said: monkeypatch.setenv(choice.VARIABLE, said)
+
+
+def played(env, slots=130):
+    rng = np.random.default_rng(1)
+    observation, infos = env.reset(seed=4)
+    yield observation, infos
+    for _ in range(slots):
+        actions = [rng.integers(0, n, env.num_envs) for n in env.single_action_space.nvec]
+        observation, reward, *ends, infos = env.step(np.stack(actions, axis=-1))
+        yield observation, reward, *ends, infos
+
+
+def assert_same(one, other):
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        one, other = one.values(), other.values()
+    elif isinstance(one, np.ndarray) and one.dtype != object:
+        assert one.dtype == other.dtype
+        np.testing.assert_array_equal(one, other)
+        return
+    for mine, yours in zip(one, other, strict=True):
+        assert_same(mine, yours)
+
+
+@needs_numba
+@pytest.mark.slow
+@pytest.mark.parametrize("mask", ["none", "info"])
+def test_a_vector_environment_is_the_same_compiled(when, mask):
+    envs = []
+    for said in ("never", "always"):
+        when(said)
+        envs.append(AUVVectorEnv("paper/k3-fdd", 3, overrides={"observation.action_mask": mask}))
+    for slots in zip(*map(played, envs), strict=True):
+        assert_same(*slots)
+    kinds = [type(env.episodes._stepper) for env in envs]
+    assert kinds == [ArrayStepper, CompiledStepper]
+    assert_same(*(tuple(env.episodes.current) for env in envs))
+    assert_same(*(tuple(env.episodes.last_events) for env in envs))
+    again = pickle.loads(pickle.dumps(envs[1]))
+    assert_same(tuple(again.episodes.current), tuple(envs[0].episodes.current))
+
+
+@needs_numba
+@pytest.mark.slow
+def test_environments_restarted_one_by_one_are_the_same_compiled(when):
+    found = []
+    for said in ("never", "always"):
+        when(said)
+        env = AUVVectorEnv("paper/k3-fdd", 3, autoreset_mode="Disabled")
+        rows = [*played(env, 20)]
+        mask = np.array([False, True, False])
+        rows.append(env.reset(options={"reset_mask": mask}))
+        rows.append(env.step(np.zeros((3, 3), dtype=np.int64)))
+        found.append(rows)
+    assert_same(*found)
+
+
+@needs_numba
+def test_numpy_plays_until_compiling_pays(monkeypatch, when):
+    when("auto")
+    compiled = []
+    monkeypatch.setattr(CompiledSlot, "compile", lambda slot: compiled.append(slot))
+    monkeypatch.setattr(CompiledSlot, "is_kept", False)
+    slots = SlotChoice(load_scenario("paper/k3-fdd"))
+    for seconds, number in ((0.5, 0), (1.5, 0), (7.9, 0), (8.1, 1), (20.0, 1)):
+        slots.seconds = seconds
+        assert (slots.slot() is not None) == bool(number)
+        assert len(compiled) == number
+    monkeypatch.setattr(CompiledSlot, "is_kept", True)
+    slots = SlotChoice(load_scenario("paper/k3-fdd"))
+    slots.seconds = 1.1
+    assert slots.slot() is not None
+
+
+@needs_numba
+def test_nothing_is_compiled_unasked_that_rounds_in_another_way(monkeypatch, when):
+    when("auto")
+    monkeypatch.setattr(CompiledSlot, "compile", lambda _: pytest.fail("compiled"))
+    slots = SlotChoice(load_scenario("best/k3-tdd"))
+    slots.seconds = 100.0
+    assert slots.slot() is None
+    assert not slots.waits
+
+
+def test_never_is_never(when):
+    when("never")
+    slots = SlotChoice(load_scenario("paper/k3-fdd"))
+    slots.seconds = 1e9
+    assert slots.slot() is None
+
+
+def test_a_word_that_says_nothing_is_refused(when):
+    when("yes")
+    with pytest.raises(InputError, match=r"IOUT_COMPILED must be one of auto, always, never"):
+        AUVVectorEnv("paper/k3-fdd", 2)
+
+
+def test_without_numba_numpy_plays(monkeypatch, when):
+    monkeypatch.setattr(choice, "find_spec", lambda _: None)
+    when("auto")
+    slots = SlotChoice(load_scenario("paper/k3-fdd"))
+    slots.seconds = 1e9
+    assert slots.slot() is None
+    when("always")
+    with pytest.warns(RuntimeWarning, match="Numba is not installed"):
+        assert SlotChoice(load_scenario("paper/k3-fdd")).slot() is None
+
+
+@needs_numba
+def test_what_has_no_compiled_form_is_left_to_numpy(monkeypatch, when):
+    def fail(*_):
+        raise UnknownOperationError("`cumulative_sum`")
+
+    monkeypatch.setattr("iout_marl.compiled.slot.World.step", fail)
+    when("always")
+    slots = SlotChoice(load_scenario("paper/k3-fdd"))
+    with pytest.warns(RuntimeWarning, match="no compiled form of `cumulative_sum`"):
+        assert slots.slot() is None
+    assert slots.slot() is None
