@@ -12,6 +12,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from iout_marl.compiled import WorldPlayer
 from iout_marl.core.chance import Draw
 from iout_marl.core.state import SEA_FIELDS, STORE_FIELDS, TRANSIT_FIELDS, VEHICLE_FIELDS
 from iout_marl.scenario import Scenario
@@ -72,6 +73,7 @@ class Collector:
             dtype="float32",
             device=None if on_numpy else self.device,
         )
+        self._player = WorldPlayer(self.world, with_mask=scenarios[0].training.mask_actions)
         self.layout_rngs = [np.random.default_rng(seed) for seed in seeds]
         self.generators = [torch.Generator(self.device).manual_seed(seed) for seed in seeds]
         self._is_central = scenarios[0].training.critic == "central"
@@ -124,7 +126,7 @@ class Collector:
 
     def observe(self) -> Tensor:
         """(policies, envs, auvs, entries) float32."""
-        return self._tensor(self.world.observe(self.state), torch.float32)
+        return self._tensor(self._player.observe(self.state), torch.float32)
 
     def observe_for_critic(self) -> Tensor | None:
         """(policies, envs, auvs, entries) float32 that the critic alone sees."""
@@ -249,7 +251,7 @@ class Collector:
         observation = self.observe()
         privileged = self.observe_for_critic()
         use_mask = storage.rollout.mask is not None
-        mask = self._tensor(world.action_mask(self.state)) if use_mask else None
+        mask = self._tensor(self._player.action_mask(self.state)) if use_mask else None
         timer("environment")
         inputs = network.scaler(observation)
         noise = storage.at(storage.noise, t)
@@ -266,13 +268,12 @@ class Collector:
         )
         timer("rollout")
         world_action = action.reshape(world.num_envs, *action.shape[-2:])
-        state, events = world.step(
+        state, terms, reward = self._player.step(
             self.state,
             world_action.numpy() if world.backend.xp is np else world_action,
             self._chance(storage, t) if storage.chance else None,
         )
-        terms = world.reward_terms(state, events)
-        storage.write(t, reward=self._tensor(world.total_reward(terms)))
+        storage.write(t, reward=self._tensor(reward))
         for name, term in terms.items():
             if name in storage.totals:
                 storage.totals[name] += term

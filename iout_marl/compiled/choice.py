@@ -56,6 +56,7 @@ class SlotChoice:
         self._options = options | {"summed": summed}
         self._slot: CompiledSlot | None = None
         self._written: CompiledSlot | None = None
+        self._is_kept = False
         self._when = when()
         self._is_settled = self._when == "never" or not self._can_compile()
 
@@ -95,12 +96,13 @@ class SlotChoice:
     def _ready(self) -> CompiledSlot | None:
         if self._written is None:
             self._written = CompiledSlot(self._scenario, **self._options)
+            self._is_kept = self._written.is_kept
         slot = self._written
         if self._when == "auto":
             if not slot.is_exact:
                 self._is_settled = True
                 return None
-            if self.seconds < COMPILE_AFTER_S and not slot.is_kept:
+            if self.seconds < COMPILE_AFTER_S and not self._is_kept:
                 return None
         slot.compile()
         self._is_settled, self._slot = True, slot

@@ -8,6 +8,7 @@ rule and digit by digit. `benchmarks/compiled.py` measures what it gains.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -127,7 +128,7 @@ class CompiledSlot:
         chance = Chance(*(library.parameter(name, array) for name, array in drawn.items()))
         after, events = world.step(before, action, chance)
         terms = world.reward_terms(after, events)
-        #: Names of the terms of a reward, and the AUVs of each: 1 for all alike.
+        #: Of each term of the reward, for how many AUVs it is: 1 for all alike.
         self.terms = {name: int(term.shape[1]) for name, term in terms.items()}
         results = {
             "reward": world.total_reward(terms),
@@ -283,6 +284,12 @@ class CompiledSlot:
                 for name in State._fields
             )
         )
+
+    def split_terms(self, terms: npt.NDArray[Any]) -> dict[str, npt.NDArray[Any]]:
+        """The terms of a reward by name, (envs, auvs) or, alike for all AUVs, (envs, 1) each."""
+        ends = itertools.accumulate(self.terms.values(), initial=0)
+        columns = itertools.starmap(slice, itertools.pairwise(ends))
+        return {name: terms[:, own] for name, own in zip(self.terms, columns, strict=True)}
 
     def now(self, rows: Rows, name: str) -> npt.NDArray[Any]:
         """A field of the state of these rows."""

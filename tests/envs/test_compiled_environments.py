@@ -80,7 +80,11 @@ def test_environments_restarted_one_by_one_are_the_same_compiled(when):
 def test_numpy_plays_until_compiling_pays(monkeypatch, when):
     when("auto")
     compiled = []
-    monkeypatch.setattr(CompiledSlot, "compile", lambda slot: compiled.append(slot))
+
+    def compiles(slot):
+        compiled.append(slot)
+
+    monkeypatch.setattr(CompiledSlot, "compile", compiles)
     monkeypatch.setattr(CompiledSlot, "is_kept", False)
     slots = SlotChoice(load_scenario("paper/k3-fdd"))
     for seconds, number in ((0.5, 0), (1.5, 0), (7.9, 0), (8.1, 1), (20.0, 1)):
