@@ -26,8 +26,9 @@ import numpy as np
 import torch
 from sea import PAPER, bare, sea, training, vector_env
 
-from iout_marl.compiled import CompiledSlot, module
+from iout_marl.compiled import module
 from iout_marl.compiled.choice import VARIABLE
+from iout_marl.compiled.slot import CompiledSlot
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import World, node_codes
 

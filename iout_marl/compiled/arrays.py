@@ -6,6 +6,7 @@ numbers is left to NumPy.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -13,11 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.compiled.graph import Graph, Node, Operand, Places
-from iout_marl.tracing.symbols import UnknownOperationError
+from iout_marl.tracing.library import (
+    KIND_OF,
+    TracedArray,
+    TracingLibrary,
+    UnknownOperationError,
+    kind_of,
+    widest,
+)
 
-#: Types of numbers, the widest last.
-_KINDS = (bool, int, float)
-_KIND_OF = {"b": bool, "i": int, "u": int, "f": float}
 #: What changes nothing as an operand of the same kind.
 _NEUTRAL: dict[str, Any] = {"{} * {}": 1, "{} & {}": True, "{} | {}": False}
 #: Operations whose operands are of kinds of their own; of others all become the widest.
@@ -29,24 +34,16 @@ _WHOLE = {
 }
 
 
-class GraphArray:
+class GraphArray(TracedArray):
     """An array of numbers that are not known yet, of one kind: bool, int or float."""
-
-    #: NumPy arrays leave operations with it to it.
-    __array_ufunc__ = None
-    device = None
 
     def __init__(self, library: GraphLibrary, node: Node, places: Places | None = None) -> None:
         self.library = library
-        self.node = node
+        self.node, self.kind = node, node.kind
         self.places = np.arange(node.size).reshape(node.shape) if places is None else places
 
     def __array_namespace__(self, api_version: str | None = None) -> Any:
         return self.library
-
-    @property
-    def kind(self) -> type:
-        return self.node.kind
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -133,27 +130,16 @@ class GraphArray:
     def __ne__(self, other: object) -> Any:
         return self.library.computed("{} != {}", bool, self, other)
 
-    def __array__(self, *_: Any, **__: Any) -> Any:
-        raise UnknownOperationError("NumPy needs to know the numbers")
-
-    def __bool__(self) -> bool:
-        raise UnknownOperationError("a branch needs to know the number")
-
-    __float__ = __int__ = __index__ = __bool__
     __hash__ = None  # type: ignore[assignment]
     __radd__, __rmul__, __rand__, __ror__ = __add__, __mul__, __and__, __or__
 
 
-class GraphLibrary:
+class GraphLibrary(TracingLibrary):
     """The library: operations on arrays of a graph; NumPy's where every number is known."""
 
     def __init__(self, dtype: Any = np.float64) -> None:
         self.graph = Graph(dtype)
         functions: dict[str, Callable[..., Any]] = {
-            "any": self._any,
-            "all": self._all,
-            "max": self._max,
-            "min": self._min,
             "sum": self._sum,
             "vecdot": lambda a, b: self.product(a * b, b, -1),
             "maximum": lambda a, b: self.computed("larger({}, {})", None, a, b),
@@ -173,13 +159,9 @@ class GraphLibrary:
             "ones_like": lambda a, dtype=None: np.ones(a.shape, dtype or a.dtype),
             "full_like": lambda a, value: np.full(a.shape, value, a.dtype),
         }
-        for name in ("reshape", "permute_dims", "matrix_transpose", "broadcast_to"):
-            functions[name] = _moved(getattr(np, name))
-        vars(self).update({name: _either(own, name) for name, own in functions.items()})
-
-    def __getattr__(self, name: str) -> Any:
-        found = getattr(np, name)
-        return _of_known(found, name) if callable(found) and not isinstance(found, type) else found
+        for name in ("any", "all", "max", "min"):
+            functions[name] = functools.partial(self._reduced, name)
+        super().__init__(functions)
 
     def dtype_of(self, kind: type) -> np.dtype[Any]:
         """The type of arrays of a kind."""
@@ -189,7 +171,7 @@ class GraphLibrary:
         """What the program is given, in the shape and of the kind of an array."""
         if not like.size:
             return like
-        kind = _KIND_OF[like.dtype.kind]
+        kind = KIND_OF[like.dtype.kind]
         return GraphArray(self, self.graph.parameter(name, like.shape, kind, is_whole=is_whole))
 
     def operand(self, array: Any, shape: tuple[int, ...] | None = None) -> Operand:
@@ -204,14 +186,14 @@ class GraphLibrary:
 
     def computed(self, form: str, kind: type | None, *arrays: Any) -> Any:
         """An elementwise operation; of no kind of its own it has the widest of its operands."""
-        kind = _widest(*arrays) if kind is None else kind
+        kind = widest(*arrays) if kind is None else kind
         shape = np.broadcast_shapes(*(_shape(a) for a in arrays))
         if 0 in shape:
             return np.zeros(shape, self.dtype_of(kind))
         if (same := self._unchanged(form, kind, arrays)) is not None:
             return same.viewed(lambda places: np.broadcast_to(places, shape))
         if form not in _KINDS_APART:
-            arrays = tuple(self._cast(a, _widest(*arrays)) for a in arrays)
+            arrays = tuple(self._cast(a, widest(*arrays)) for a in arrays)
         operands = [self.operand(a, shape) for a in arrays]
         whole = form in _WHOLE
         return GraphArray(self, self.graph.elementwise(form, kind, operands, keeps_whole=whole))
@@ -233,7 +215,7 @@ class GraphLibrary:
         return self.computed("{} / {}", float, *both)
 
     def of_flags(self, form: str, *arrays: Any) -> Any:
-        if _widest(*arrays) is not bool:
+        if widest(*arrays) is not bool:
             raise UnknownOperationError("an operation on the bits of numbers")
         return self.computed(form, bool, *arrays)
 
@@ -269,18 +251,6 @@ class GraphLibrary:
             return np.expand_dims(result, axis)
         return result.viewed(lambda places: np.expand_dims(places, axis))
 
-    def _any(self, array: Any, axis: int, *, keepdims: bool = False) -> Any:
-        return self._reduced("any", array, axis, keepdims=keepdims)
-
-    def _all(self, array: Any, axis: int, *, keepdims: bool = False) -> Any:
-        return self._reduced("all", array, axis, keepdims=keepdims)
-
-    def _max(self, array: Any, axis: int, *, keepdims: bool = False) -> Any:
-        return self._reduced("max", array, axis, keepdims=keepdims)
-
-    def _min(self, array: Any, axis: int, *, keepdims: bool = False) -> Any:
-        return self._reduced("min", array, axis, keepdims=keepdims)
-
     def _sum(self, array: Any, axis: int, *, keepdims: bool = False) -> Any:
         if not isinstance(array, GraphArray):
             return np.sum(array, axis=axis, keepdims=keepdims)
@@ -297,7 +267,7 @@ class GraphLibrary:
         return self._sum(terms, axis)
 
     def _where(self, flag: Any, first: Any, second: Any) -> Any:
-        kind = _widest(first, second)
+        kind = widest(first, second)
         first, second = (self._cast(a, kind) for a in (first, second))
         return self.computed("select({}, {}, {})", kind, flag, first, second)
 
@@ -307,7 +277,7 @@ class GraphLibrary:
         return self.computed("expm1({})", float, array)
 
     def _concat(self, arrays: Sequence[Any], axis: int = 0) -> Any:
-        kind = _widest(*arrays)
+        kind = widest(*arrays)
         arrays = [self._cast(a, kind) for a in arrays]
         operands = [self.operand(a) for a in arrays if 0 not in a.shape]
         if not any(isinstance(a, GraphArray) for a in arrays if 0 not in a.shape):
@@ -320,7 +290,7 @@ class GraphLibrary:
         """Numbers of a table of one axis, of which entries or indices, or both, are unknown."""
         if not isinstance(index, GraphArray):
             return table.viewed(lambda places: places[np.asarray(index)])
-        kind = _kind(table)
+        kind = kind_of(table)
         known = self._cast(table, kind)
         return GraphArray(self, self.graph.gather(self.operand(known), self.operand(index), kind))
 
@@ -350,42 +320,8 @@ class GraphLibrary:
             return GraphArray(self, node)
         if dtype not in (self.graph.dtype, np.dtype(np.int64)):
             raise UnknownOperationError(f"conversion to {dtype}")
-        return self._cast(array, _KIND_OF[dtype.kind])
+        return self._cast(array, KIND_OF[dtype.kind])
 
 
 def _shape(array: Any) -> tuple[int, ...]:
     return tuple(array.shape) if isinstance(array, GraphArray) else np.shape(array)
-
-
-def _kind(array: Any) -> type:
-    return array.kind if isinstance(array, GraphArray) else _KIND_OF[np.asarray(array).dtype.kind]
-
-
-def _widest(*arrays: Any) -> type:
-    return max((_kind(array) for array in arrays), key=_KINDS.index)
-
-
-def _moved(move: Callable[..., Any]) -> Callable[..., Any]:
-    """NumPy's function that only moves numbers."""
-    return lambda a, *args, **kwargs: a.viewed(lambda places: move(places, *args, **kwargs))
-
-
-def _of_known(function: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """NumPy's function, of numbers that are known alone."""
-
-    def of_known(*args: Any, **kwargs: Any) -> Any:
-        if any(isinstance(each, GraphArray) for each in (*args, *kwargs.values())):
-            raise UnknownOperationError(f"`{name}`")
-        return function(*args, **kwargs)
-
-    return of_known
-
-
-def _either(for_graph: Callable[..., Any], name: str) -> Callable[..., Any]:
-    def function(*args: Any, **kwargs: Any) -> Any:
-        given = [*args, *args[0]] if isinstance(args[0], list | tuple) else args
-        if any(isinstance(each, GraphArray) for each in given):
-            return for_graph(*args, **kwargs)
-        return getattr(np, name)(*args, **kwargs)
-
-    return function

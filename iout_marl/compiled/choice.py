@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import warnings
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from iout_marl.compiled.slot import CompiledSlot
 from iout_marl.errors import InputError
 from iout_marl.extras import how_to_install
 from iout_marl.metrics import Metric
 from iout_marl.scenario import Scenario
+
+if TYPE_CHECKING:
+    from iout_marl.compiled.slot import CompiledSlot
 
 #: What says when: `auto`, `always` or `never`.
 VARIABLE = "IOUT_COMPILED"
@@ -95,6 +97,8 @@ class SlotChoice:
 
     def _ready(self) -> CompiledSlot | None:
         if self._written is None:
+            from iout_marl.compiled.slot import CompiledSlot  # most never come here
+
             self._written = CompiledSlot(self._scenario, **self._options)
             self._is_kept = self._written.is_kept
         slot = self._written

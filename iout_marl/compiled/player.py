@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from iout_marl.compiled.choice import SlotChoice
-from iout_marl.compiled.slot import CompiledSlot, Played
 from iout_marl.core.chance import Chance
 from iout_marl.core.state import State
 from iout_marl.physics.arrays import Array
 from iout_marl.world.world import World
+
+if TYPE_CHECKING:
+    from iout_marl.compiled.slot import CompiledSlot, Played
 
 
 class WorldPlayer:

@@ -277,13 +277,7 @@ class CompiledSlot:
 
     def state(self, rows: Rows) -> State:
         """The state of these rows, whose arrays are views of them."""
-        parts = {"f": rows.floats, "i": rows.integers}
-        return State(
-            *(
-                self._state.view(name, parts) if name in self._state.fields else rows.still[name]
-                for name in State._fields
-            )
-        )
+        return State(*(self.now(rows, name) for name in State._fields))
 
     def split_terms(self, terms: npt.NDArray[Any]) -> dict[str, npt.NDArray[Any]]:
         """The terms of a reward by name, (envs, auvs) or, alike for all AUVs, (envs, 1) each."""

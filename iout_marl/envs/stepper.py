@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import time
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.compiled import CompiledSlot, Played, SlotChoice
+from iout_marl.compiled import SlotChoice
 from iout_marl.tracing.unrolled import Numbers, UnrolledSlot, numbers
 from iout_marl.world import Chance, Events, State, World
+
+if TYPE_CHECKING:
+    from iout_marl.compiled.slot import CompiledSlot, Played
 
 
 class Stepper(Protocol):
@@ -93,38 +96,52 @@ class ArrayStepper:
         return array
 
 
-class CompiledStepper:
+class _SlotStepper:
+    """Episodes by a slot that takes and gives numbers; arrays are made of what is asked for."""
+
+    def __init__(
+        self, slot: Any, world: World, state: State, events: Events | None, now: Any, last: Any
+    ) -> None:
+        self._slot, self._world = slot, world
+        self._state: State | None = state
+        self._events = events
+        #: The state's numbers, and those of the last slot's events where it has played it.
+        self._now, self._last = now, last
+
+    @property
+    def state(self) -> State:
+        if self._state is None:
+            self._state = self._slot.state(self._now)
+        return self._state
+
+    @property
+    def events(self) -> Events | None:
+        if self._events is None and self._last:
+            self._events = self._slot.events(self._last)
+        return self._events
+
+    def _arrive(self, now: Any, last: Any) -> None:
+        self._now, self._last = now, last
+        self._state = self._events = None
+
+
+class CompiledStepper(_SlotStepper):
     """Any number of episodes, by a compiled slot."""
 
     def __init__(
         self, slot: CompiledSlot, world: World, state: State, events: Events | None
     ) -> None:
-        self._slot, self._world = slot, world
-        self._state: State | None = state
-        self._events = events
-        self._rows = slot.rows(state)
+        super().__init__(slot, world, state, events, slot.rows(state), ())
         self._played: Played | None = None
         #: Observations of the last slot, until they are handed out.
         self._seen: npt.NDArray[np.float32] | None = None
 
-    @property
-    def state(self) -> State:
-        if self._state is None:
-            self._state = self._slot.state(self._rows)
-        return self._state
-
-    @property
-    def events(self) -> Events | None:
-        if self._events is None and self._played is not None:
-            self._events = self._slot.events(self._played.events)
-        return self._events
-
     def step(
         self, action: npt.NDArray[np.int64], chance: Chance | None = None
     ) -> npt.NDArray[np.float64]:
-        self._played = played = self._slot(self._rows, action, chance)
-        self._rows, self._seen = played.rows, played.observation
-        self._state = self._events = None
+        self._played = played = self._slot(self._now, action, chance)
+        self._arrive(played.rows, played.events)
+        self._seen = played.observation
         return played.reward
 
     def observe(self) -> npt.NDArray[np.float32]:
@@ -137,50 +154,35 @@ class CompiledStepper:
         return self._played.mask.astype(np.int8)
 
     def now(self, name: str) -> npt.NDArray[Any]:
-        return self._slot.now(self._rows, name)
+        array: npt.NDArray[Any] = self._slot.now(self._now, name)
+        return array
 
     def last(self, name: str) -> npt.NDArray[Any]:
-        if self._played is None:
-            array: npt.NDArray[Any] = getattr(self._events, name)
-            return array
-        return self._slot.last(self._played.events, name)
+        array: npt.NDArray[Any] = (
+            self._slot.last(self._last, name) if self._last else getattr(self._events, name)
+        )
+        return array
 
 
-class TracedStepper:
-    """A single episode, number by number; arrays are made of what is asked for."""
+class TracedStepper(_SlotStepper):
+    """A single episode, number by number."""
 
     def __init__(
         self, slot: UnrolledSlot, world: World, state: State, events: Events | None
     ) -> None:
-        self._play_slot = slot
-        self._world = world
-        self._state: State | None = state
-        self._events = events
-        self._now: Numbers = numbers(state)
-        self._last: Numbers = () if events is None else numbers(events)
+        last: Numbers = () if events is None else numbers(events)
+        super().__init__(slot, world, state, events, numbers(state), last)
         #: Observations and masks, where the last slot has come with them.
         self._seen: Numbers = ()
         self._masks: Numbers = ()
-
-    @property
-    def state(self) -> State:
-        if self._state is None:
-            self._state = self._play_slot.state(self._now)
-        return self._state
-
-    @property
-    def events(self) -> Events | None:
-        if self._events is None and self._last:
-            self._events = self._play_slot.events(self._last)
-        return self._events
 
     def step(
         self, action: npt.NDArray[np.int64], chance: Chance | None = None
     ) -> npt.NDArray[np.float64]:
         drawn = () if chance is None else numbers(chance)
-        result = self._play_slot(self._now, action.ravel().tolist(), drawn)
-        self._now, self._last, rewards, self._seen, self._masks = result
-        self._state = self._events = None
+        result = self._slot(self._now, action.ravel().tolist(), drawn)
+        now, last, rewards, self._seen, self._masks = result
+        self._arrive(now, last)
         return np.array([rewards])
 
     def observe(self) -> npt.NDArray[np.float32]:
@@ -194,10 +196,10 @@ class TracedStepper:
         return np.array(self._masks, dtype=np.int8).reshape(1, self._world.num_auvs, -1)
 
     def now(self, name: str) -> npt.NDArray[Any]:
-        return np.array(self._now[self._play_slot.in_state[name]])
+        return np.array(self._now[self._slot.in_state[name]])
 
     def last(self, name: str) -> npt.NDArray[Any]:
-        return np.array([self._last[self._play_slot.in_events[name]]])
+        return np.array([self._last[self._slot.in_events[name]]])
 
 
 def _observed(world: World, state: State) -> npt.NDArray[np.float32]:

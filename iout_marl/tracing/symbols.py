@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.tracing.library import (
+    KIND_OF,
+    TracedArray,
+    TracingLibrary,
+    UnknownOperationError,
+    kind_of,
+    widest,
+)
 from iout_marl.tracing.program import Program, Symbol, divide, expm1, sqrt
-
-#: Types of numbers, the widest last.
-_KINDS = (bool, int, float)
-_KIND_OF = {"b": bool, "i": int, "u": int, "f": float}
-
-
-class UnknownOperationError(Exception):
-    """An operation that is not written down for symbols."""
 
 
 def _program_of(*operands: Any) -> Program | None:
@@ -93,27 +93,13 @@ _root = _elementwise("sqrt({})", sqrt)
 _exponential_less_one = _elementwise("expm1({})", expm1)
 
 
-def _kind(operand: Any) -> type:
-    if isinstance(operand, SymbolArray):
-        return operand.kind
-    return _KIND_OF[np.asarray(operand).dtype.kind]
-
-
-def _widest(*operands: Any) -> type:
-    return max((_kind(operand) for operand in operands), key=_KINDS.index)
-
-
 def objects(operand: Any) -> Any:
     """The symbols and numbers of an array; any other operand as it is."""
     return operand.values if isinstance(operand, SymbolArray) else operand
 
 
-class SymbolArray:
+class SymbolArray(TracedArray):
     """An array of symbols and of known numbers, of one kind: bool, int or float."""
-
-    #: NumPy arrays leave operations with symbols to them.
-    __array_ufunc__ = None
-    device = None
 
     def __init__(self, values: Any, kind: type) -> None:
         self.values: npt.NDArray[Any] = np.asarray(values, dtype=object)
@@ -122,7 +108,7 @@ class SymbolArray:
     @classmethod
     def unknown(cls, program: Program, name: str, like: npt.NDArray[Any]) -> SymbolArray:
         """Parameters of a program, in the shape and of the kind of an array."""
-        return cls(program.parameters(name, like.shape), _KIND_OF[like.dtype.kind])
+        return cls(program.parameters(name, like.shape), KIND_OF[like.dtype.kind])
 
     def __array_namespace__(self, api_version: str | None = None) -> Any:
         return LIBRARY
@@ -139,22 +125,25 @@ class SymbolArray:
     def dtype(self) -> np.dtype[Any]:
         return np.dtype(self.kind)
 
+    def viewed(self, view: Callable[[Any], Any]) -> SymbolArray:
+        return SymbolArray(view(self.values), self.kind)
+
     def __getitem__(self, key: Any) -> SymbolArray:
         return SymbolArray(self.values[key], self.kind)
 
     def __add__(self, other: Any) -> SymbolArray:
-        kind = _widest(self, other)
+        kind = widest(self, other)
         return _of(_add_integers if kind is int else _add, kind, self, other)
 
     def __sub__(self, other: Any) -> SymbolArray:
-        return _of(_subtract, _widest(self, other), self, other)
+        return _of(_subtract, widest(self, other), self, other)
 
     def __rsub__(self, other: Any) -> SymbolArray:
-        return _of(_subtract, _widest(self, other), other, self)
+        return _of(_subtract, widest(self, other), other, self)
 
     def __mul__(self, other: Any) -> SymbolArray:
-        product = _multiply_alike if self.kind is _kind(other) else _multiply
-        return _of(product, _widest(self, other), self, other)
+        product = _multiply_alike if self.kind is kind_of(other) else _multiply
+        return _of(product, widest(self, other), self, other)
 
     def __truediv__(self, other: Any) -> SymbolArray:
         return _of(_divided, float, self, other)
@@ -207,13 +196,6 @@ class SymbolArray:
     def __ne__(self, other: object) -> SymbolArray:  # type: ignore[override]
         return _of(_compared["!="], bool, self, other)
 
-    def __array__(self, *_: Any, **__: Any) -> Any:
-        raise UnknownOperationError("NumPy needs to know the numbers")
-
-    def __bool__(self) -> bool:
-        raise UnknownOperationError("a branch needs to know the number")
-
-    __float__ = __int__ = __index__ = __bool__
     __hash__ = None  # type: ignore[assignment]
     __radd__, __rmul__, __rand__, __ror__ = __add__, __mul__, __and__, __or__
 
@@ -223,7 +205,7 @@ def _of(function: Callable[..., npt.NDArray[Any]], kind: type, *operands: Any) -
 
 
 def _of_flags(function: Callable[..., npt.NDArray[Any]], *operands: Any) -> SymbolArray:
-    if _widest(*operands) is not bool:
+    if widest(*operands) is not bool:
         raise UnknownOperationError("an operation on the bits of numbers")
     return _of(function, bool, *operands)
 
@@ -238,7 +220,7 @@ def _reduced(
 
 def _concat(arrays: Sequence[Any], axis: int = 0) -> SymbolArray:
     parts = [np.asarray(objects(a), dtype=object) for a in arrays]
-    return SymbolArray(np.concatenate(parts, axis=axis), _widest(*arrays))
+    return SymbolArray(np.concatenate(parts, axis=axis), widest(*arrays))
 
 
 def _sum(values: SymbolArray, axis: int, *, keepdims: bool = False) -> SymbolArray:
@@ -261,7 +243,7 @@ def _take(table: Any, index: Any) -> SymbolArray:
         return i.program.line("{}[{}]", i.program.table(table), i)
 
     entries = np.frompyfunc(each, 1, 1)(np.asarray(objects(index), dtype=object))
-    return SymbolArray(entries, _kind(table))
+    return SymbolArray(entries, kind_of(table))
 
 
 def _index_add(values: Any, axis: int, index: SymbolArray, amount: SymbolArray) -> SymbolArray:
@@ -273,7 +255,7 @@ def _index_add(values: Any, axis: int, index: SymbolArray, amount: SymbolArray) 
             result[entry] = i.program.line(
                 "{0} + {1} if {2} == {3} else {0}", value, more, i, entry
             )
-    return SymbolArray(result, _kind(values))
+    return SymbolArray(result, kind_of(values))
 
 
 def _argsort(values: SymbolArray, axis: int = -1) -> SymbolArray:
@@ -305,7 +287,7 @@ def _argmax(values: SymbolArray, axis: int) -> SymbolArray:
 
 
 def _where(flag: Any, first: Any, second: Any) -> SymbolArray:
-    return _of(_chosen, _widest(first, second), flag, first, second)
+    return _of(_chosen, widest(first, second), flag, first, second)
 
 
 def _astype(values: SymbolArray, dtype: Any) -> SymbolArray:
@@ -323,8 +305,8 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "min": lambda a, axis, keepdims=False: _reduced(_smaller, a, axis, keepdims=keepdims),
     "sum": _sum,
     "vecdot": lambda a, b: _sum(a * b, -1),
-    "maximum": lambda a, b: _of(_larger, _widest(a, b), a, b),
-    "minimum": lambda a, b: _of(_smaller, _widest(a, b), a, b),
+    "maximum": lambda a, b: _of(_larger, widest(a, b), a, b),
+    "minimum": lambda a, b: _of(_smaller, widest(a, b), a, b),
     "where": _where,
     "isnan": lambda a: a != a,
     "sqrt": lambda a: _of(_root, float, a),
@@ -342,44 +324,4 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 }
 
 
-def _moved(name: str) -> Callable[..., SymbolArray]:
-    """NumPy's function on the objects of an array, which only moves them."""
-    move = getattr(np, name)
-    return lambda a, *args, **kwargs: SymbolArray(move(a.values, *args, **kwargs), a.kind)
-
-
-class SymbolLibrary:
-    """The library: functions for symbols; NumPy's where every number is known."""
-
-    def __init__(self) -> None:
-        moving = ("reshape", "permute_dims", "matrix_transpose", "broadcast_to")
-        functions = _FUNCTIONS | {name: _moved(name) for name in moving}
-        vars(self).update({name: _either(own, name) for name, own in functions.items()})
-
-    def __getattr__(self, name: str) -> Any:
-        found = getattr(np, name)
-        return _of_known(found, name) if callable(found) and not isinstance(found, type) else found
-
-
-def _of_known(function: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """NumPy's function, of numbers that are known alone."""
-
-    def of_known(*args: Any, **kwargs: Any) -> Any:
-        if any(isinstance(each, SymbolArray) for each in (*args, *kwargs.values())):
-            raise UnknownOperationError(f"`{name}`")
-        return function(*args, **kwargs)
-
-    return of_known
-
-
-def _either(for_symbols: Callable[..., Any], name: str) -> Callable[..., Any]:
-    def function(*args: Any, **kwargs: Any) -> Any:
-        given = [*args, *args[0]] if isinstance(args[0], list | tuple) else args
-        if any(isinstance(each, SymbolArray) for each in given):
-            return for_symbols(*args, **kwargs)
-        return getattr(np, name)(*args, **kwargs)
-
-    return function
-
-
-LIBRARY: Any = SymbolLibrary()
+LIBRARY: Any = TracingLibrary(_FUNCTIONS)

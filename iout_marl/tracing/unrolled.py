@@ -29,8 +29,9 @@ from iout_marl.metrics import Metric
 from iout_marl.physics.arrays import Array
 from iout_marl.registry import on_change
 from iout_marl.scenario import Scenario
+from iout_marl.tracing.library import UnknownOperationError
 from iout_marl.tracing.program import Program
-from iout_marl.tracing.symbols import LIBRARY, SymbolArray, UnknownOperationError, objects
+from iout_marl.tracing.symbols import LIBRARY, SymbolArray, objects
 from iout_marl.world.world import World
 
 #: Plain numbers, in the order in which they lie in one array or in several, one after the other.

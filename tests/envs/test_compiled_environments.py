@@ -5,13 +5,14 @@ import pickle
 import numpy as np
 import pytest
 
-from iout_marl.compiled import CompiledSlot, choice
+from iout_marl.compiled import choice
 from iout_marl.compiled.choice import SlotChoice
+from iout_marl.compiled.slot import CompiledSlot
 from iout_marl.envs import AUVVectorEnv
 from iout_marl.envs.stepper import ArrayStepper, CompiledStepper
 from iout_marl.errors import InputError
 from iout_marl.scenario import load_scenario
-from iout_marl.tracing.symbols import UnknownOperationError
+from iout_marl.tracing.library import UnknownOperationError
 
 needs_numba = pytest.mark.skipif(choice.find_spec("numba") is None, reason="needs Numba")
 

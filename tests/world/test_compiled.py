@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from test_unrolled import PAPERS_REWARD, PARTS
 from test_world_laws import NAMES, STARTS
 
-from iout_marl.compiled import CompiledSlot, module
+from iout_marl.compiled import module
+from iout_marl.compiled.slot import CompiledSlot
 from iout_marl.scenario import load_scenario
 from iout_marl.world import World, node_codes
 

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from test_world_laws import ACCESS, NAMES, STARTS
 
 from iout_marl.scenario import load_scenario
+from iout_marl.tracing.library import UnknownOperationError
 from iout_marl.tracing.program import Program
-from iout_marl.tracing.symbols import LIBRARY, SymbolArray, UnknownOperationError
+from iout_marl.tracing.symbols import LIBRARY, SymbolArray
 from iout_marl.tracing.unrolled import UnrolledSlot, numbers, pays_unrolled, unrolled_slot
 from iout_marl.world import World, node_codes
 
