@@ -106,6 +106,13 @@ def _merge(
         if not isinstance(value, dict):
             base[key], base_places.inside[key] = value, places
             continue
+        if isinstance(old, str):
+            # A part that is written as its kind alone.
+            kind_places = base_places.inside.get(key, Places())
+            old = base[key] = {"kind": old}
+            base_places.inside[key] = Places(
+                kind_places.where, {"kind": kind_places}, kind_places.file
+            )
         kind_changes = (
             isinstance(old, dict)
             and "kind" in value

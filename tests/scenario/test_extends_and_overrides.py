@@ -108,6 +108,18 @@ def test_overrides_may_stand_before_the_kind_that_they_belong_to():
     assert (scenario.nodes.kind, scenario.nodes.count) == ("random", 7)
 
 
+def test_settings_over_a_kind_as_a_word(write):
+    """In overrides, and over a file that names the kind alone; a word replaces a whole part."""
+    scenario = load_scenario("paper/k3-fdd", ["reward=mean_age", "reward.fairness_weight=0.5"])
+    assert (scenario.reward.kind, scenario.reward.fairness_weight) == ("mean_age", 0.5)
+    path = write(a="extends: paper/k3-fdd\nreward: mean_age")
+    scenario = load_scenario(path, "reward.fairness_weight=0.5")
+    assert (scenario.reward.kind, scenario.reward.fairness_weight) == ("mean_age", 0.5)
+    path = write(a="extends: paper/k3-fdd\nreward: maen_age")
+    with pytest.raises(InputError, match=r"a\.yaml:2: reward\.kind: unknown kind 'maen_age'"):
+        load_scenario(path, "reward.fairness_weight=0.5")
+
+
 def test_overrides_leave_their_arguments_alone():
     overrides = {"age": {"maximum": 40}}
     source = {"extends": "paper/k3-fdd", "age": {"initial": 2}}
