@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterator
 from typing import Any
 
@@ -88,6 +89,22 @@ def entries_tables() -> str:
     blocks += ["### State, for central critics", f"In `{TEAM}`:", table(headings, _state(TEAM))]
     blocks += ["### Infos", table(("Key", "Of", "What"), _infos(TEAM))]
     return page_of(blocks)
+
+
+def node_table() -> str:
+    """What stands in each column of a node table."""
+    observer = World(load_scenario(TEAM, {"observation": "table"})).observer
+    assert observer.layout is not None
+    rows, ends = [], dict.fromkeys(("context", "auvs", "nodes"), 0)
+    for entry in observer.entries:
+        array = "nodes" if entry.rows == "moves" else entry.rows
+        times = observer.layout.moves if entry.rows == "moves" else 1
+        begin, ends[array] = ends[array], ends[array] + entry.columns * times
+        text = markdown_text(" ".join((inspect.getdoc(type(entry)) or "").split()))
+        each = f" Each for the directions 0 to {times - 1} in turn." if times > 1 else ""
+        columns = f"{begin} to {ends[array] - 1}"
+        rows.append((f"`{array}`", columns, f"`{entry.settings.kind}`: {text}{each}"))
+    return page_of([table(("Array", "Columns", "What"), rows)])
 
 
 def _action(scenario: str, overrides: Overrides = None) -> Iterator[tuple[str, str, str]]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from command_tables import commands_reference
-from environment_tables import entries_tables, spaces_tables
+from environment_tables import entries_tables, node_table, spaces_tables
 from markdown_tables import numeral, page_of, table
 from sea_tables import (
     conclusions_table,
@@ -240,6 +240,7 @@ TABLES: dict[str, tuple[Path, Callable[[], str]]] = {
     "scenario": (HERE / "scenario.md", scenario_reference),
     "steps": (HERE / "at-sea.md", steps_tables),
     "spaces": (HERE / "environment.md", spaces_tables),
+    "node-table": (HERE / "environment.md", node_table),
 }
 
 

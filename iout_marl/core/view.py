@@ -81,6 +81,14 @@ class View:
             "seen_slot": xp.where(seen, slot, state.seen_slot),
         }
 
+    def age(self, state: State) -> Array:
+        """Ages of nodes as each AUV knows them: (envs, auvs, nodes), or (envs, 1, nodes) of all."""
+        return state.seen_age if self.is_limited else state.age[:, None, :]
+
+    def energy_j(self, state: State) -> Array:
+        """Stored energies alike."""
+        return state.seen_energy_j if self.is_limited else state.energy_j[:, None, :]
+
     def sees(self, cell: Array, node_cell: Array) -> Array:
         """Which nodes are within range: (envs, auvs, nodes) bool."""
         offset = self._link.offset(cell[:, :, None], node_cell[:, None, :])

@@ -15,6 +15,7 @@ from gymnasium import spaces
 from iout_marl.compiled import SlotChoice
 from iout_marl.envs.arguments import render_mode_of
 from iout_marl.envs.maskable import MaskableMultiDiscrete
+from iout_marl.envs.observed import ObservationForm, box
 from iout_marl.envs.stepper import ArrayStepper, CompiledStepper, Stepper, TracedStepper
 from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text, print_text
@@ -30,7 +31,6 @@ from iout_marl.world import (
 )
 from iout_marl.world.actions import ActionCheck
 from iout_marl.world.chance import first_of_current
-from iout_marl.world.observation import Ranges
 
 #: Infos of one slot of one environment, by name: of now, of the episode so far, or of an AUV in
 #: the last slot, of which those before the first slot are 0.
@@ -72,6 +72,7 @@ class EpisodeBatch:
 
     Attributes:
         world: the world.
+        form: that of observations.
         observation_space, action_space: of one AUV.
         state_space: of the vector for central critics.
         seeds: those by which all environments were last reset together; None for entropy.
@@ -102,13 +103,13 @@ class EpisodeBatch:
         self._choice = self._choice_of_slot()
         self.action_space = self.action_space_for(num_auvs=1)
         self.state_space = box(self.world.observer.state_ranges)
-        self.vector_space = box(self.world.observer.agent_ranges)
-        self.mask_space = spaces.MultiBinary(sum(self.world.action_sizes))
-        self.observation_space: spaces.Space[Any] = (
-            spaces.Dict({"observation": self.vector_space, "action_mask": self.mask_space})
-            if self.mask_place == "observation"
-            else self.vector_space
+        observer, is_by_rows = self.world.observer, self.scenario.observation.part.is_by_rows
+        self.form = ObservationForm(
+            observer.agent_ranges,
+            observer.layout if is_by_rows else None,
+            sum(self.world.action_sizes) if self.mask_place == "observation" else 0,
         )
+        self.observation_space = self.form.space()
         self.seeds: tuple[int | None, ...] = (None,) * self._num_envs
         self._rngs: list[np.random.Generator] = []
         self._layout: npt.NDArray[np.int64] | None = None
@@ -305,8 +306,12 @@ class EpisodeBatch:
         return int(self._running.now("slot").item(0))
 
     def observe(self) -> FloatArray:
-        """(envs, auvs, entries) observations, without masks; a fresh array each time."""
+        """(envs, auvs, entries) observations as vectors; a fresh array each time."""
         return self._running.observe()
+
+    def observations(self) -> Any:
+        """Observations in their form, each array (envs, auvs, …); fresh arrays each time."""
+        return self.form.arrays(self.observe(), self.masks)
 
     def masks(self) -> npt.NDArray[np.int8]:
         """(envs, auvs, choices): 1 for each sensible choice."""
@@ -386,11 +391,3 @@ def _written(
     mixed = old.copy(order="K")
     mixed[where] = new[where]
     return mixed
-
-
-def box(ranges: Ranges) -> spaces.Box:
-    """A float32 box that holds whatever lies within the ranges in float64."""
-    low, high = ranges.low.astype(np.float32), ranges.high.astype(np.float32)
-    low = np.where(low > ranges.low, np.nextafter(low, np.float32(-np.inf)), low)
-    high = np.where(high < ranges.high, np.nextafter(high, np.float32(np.inf)), high)
-    return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import Any
 
 import gymnasium
@@ -10,7 +11,8 @@ import numpy.typing as npt
 from gymnasium import spaces
 
 from iout_marl.envs.arguments import RENDER_MODES, options_of, seed_of
-from iout_marl.envs.episodes import EpisodeBatch, FloatArray
+from iout_marl.envs.episodes import EpisodeBatch
+from iout_marl.envs.observed import each_array
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.world.actions import integers
@@ -93,8 +95,7 @@ class AUVEnv(gymnasium.Env[Any, Any]):
         return self._episodes.render()
 
     def _observation(self) -> Any:
-        joint = joint_observations(self._episodes)
-        return {k: v[0] for k, v in joint.items()} if isinstance(joint, dict) else joint[0]
+        return each_array(itemgetter(0), joint_observations(self._episodes))
 
     def _info(self) -> dict[str, Any]:
         info = {name: value[0] for name, value in joint_info(self._episodes).items()}
@@ -105,13 +106,7 @@ class AUVEnv(gymnasium.Env[Any, Any]):
 def joint_spaces(episodes: EpisodeBatch) -> tuple[spaces.Space[Any], spaces.MultiDiscrete]:
     """Observation and action space of a controller of all AUVs."""
     m = episodes.world.num_auvs
-    vector = episodes.vector_space
-    joint = spaces.Box(np.tile(vector.low, m), np.tile(vector.high, m), dtype=np.float32)
-    actions = episodes.action_space_for(m)
-    if episodes.mask_place != "observation":
-        return joint, actions
-    masks = spaces.MultiBinary(int(episodes.mask_space.shape[0]) * m)
-    return spaces.Dict({"observation": joint, "action_mask": masks}), actions
+    return episodes.form.space(m), episodes.action_space_for(m)
 
 
 def joint_ranges(episodes: EpisodeBatch) -> Ranges:
@@ -135,13 +130,14 @@ def split_actions(episodes: EpisodeBatch, actions: npt.NDArray[Any]) -> npt.NDAr
     return actions.reshape(-1, m, entries)
 
 
-def joint_observations(episodes: EpisodeBatch) -> FloatArray | dict[str, npt.NDArray[Any]]:
-    """(envs, auvs · entries) observations, with the masks beside them where asked for."""
-    vectors = episodes.observe().reshape(episodes.world.num_envs, -1)
-    if episodes.mask_place != "observation":
-        return vectors
-    masks = episodes.masks().reshape(episodes.world.num_envs, -1)
-    return {"observation": vectors, "action_mask": masks}
+def joint_observations(episodes: EpisodeBatch) -> Any:
+    """Observations in their form, those of all AUVs joined end to end: each array (envs, …)."""
+    return each_array(_end_to_end, episodes.observations())
+
+
+def _end_to_end(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """(envs, auvs, rows, …) as (envs, auvs · rows, …)."""
+    return array.reshape(array.shape[0], -1, *array.shape[3:])
 
 
 def joint_info(episodes: EpisodeBatch) -> dict[str, npt.NDArray[Any]]:

@@ -73,7 +73,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         return self._episodes
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """The observations of an agent: a Box, or a Dict with the mask beside it."""
+        """The observations of an agent: a Box, or a Dict of tables, or with the mask beside it."""
         return self.observation_spaces[self._known(agent)]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
@@ -169,13 +169,12 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         """Nothing is held open."""
 
     def _observations(self) -> dict[str, Observation]:
-        vectors = dict(zip(self.agents, self._episodes.observe()[0], strict=True))
-        if self._episodes.mask_place != "observation":
-            return vectors
-        masks = self._episodes.masks()[0]
+        found = self._episodes.observations()
+        if not isinstance(found, dict):
+            return dict(zip(self.agents, found[0], strict=True))
         return {
-            agent: {"observation": vector, "action_mask": mask}
-            for (agent, vector), mask in zip(vectors.items(), masks, strict=True)
+            agent: {name: array[0, i] for name, array in found.items()}
+            for i, agent in enumerate(self.agents)
         }
 
     def _infos(self) -> dict[str, Info]:

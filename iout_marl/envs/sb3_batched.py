@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from iout_marl.envs.arguments import seed_of
 from iout_marl.envs.episodes import EpisodeBatch
+from iout_marl.envs.observed import each_array
 from iout_marl.envs.parallel import AUVParallelEnv
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides, Scenario
@@ -226,9 +228,7 @@ class SB3VecEnv(VecEnv):
 
     def _observations(self) -> Any:
         vectors = self._episodes.observe().reshape(self.num_envs, -1)
-        if self._episodes.mask_place != "observation":
-            return vectors
-        return {"observation": vectors, "action_mask": self._int8_masks().copy()}
+        return self._episodes.form.arrays(vectors, lambda: self._int8_masks().copy())
 
     def _infos(self) -> Infos:
         world = self._episodes.world
@@ -248,11 +248,7 @@ class SB3VecEnv(VecEnv):
         last = self._observations()
         seconds = round(time.time() - self._started, 6)
         for i, (info, value) in enumerate(zip(infos, self._returns.tolist(), strict=True)):
-            info["terminal_observation"] = (
-                {name: rows[i] for name, rows in last.items()}
-                if isinstance(last, dict)
-                else last[i]
-            )
+            info["terminal_observation"] = each_array(itemgetter(i), last)
             info["episode"] = {"r": round(value, 6), "l": self._length, "t": seconds}
 
 

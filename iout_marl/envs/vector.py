@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from iout_marl.envs.joint import (
     joint_spaces,
     split_actions,
 )
+from iout_marl.envs.observed import each_array
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.world.actions import integers
@@ -184,11 +186,7 @@ class AUVVectorEnv(VectorEnv[Any, Any, Any]):
         """One object an environment, the form in which Gymnasium hands out final observations."""
         objects = np.empty(self.num_envs, dtype=object)
         for i in range(self.num_envs):
-            objects[i] = (
-                {k: v[i] for k, v in observations.items()}
-                if isinstance(observations, dict)
-                else observations[i]
-            )
+            objects[i] = each_array(itemgetter(i), observations)
         return objects
 
 

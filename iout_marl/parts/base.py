@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -14,6 +15,7 @@ from iout_marl.core.grid import Grid
 from iout_marl.core.link import Link
 from iout_marl.core.view import View
 from iout_marl.errors import InputError
+from iout_marl.physics.arrays import Array
 from iout_marl.registry import Entry
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.parts import Settings as PartSettings
@@ -37,6 +39,10 @@ class Context:
         view: what AUVs know of nodes that they do not see.
         representation: how observations write positions, ages, energies.
         current: the current of the water; None where it is still.
+        neighbours: gives the cells that a move in each direction ends in, (envs, auvs, directions)
+            codes, from those of (envs, auvs) cells.
+        needed_j: gives the least energy that a node must have stored to deliver in a slot in which
+            it is charged and heard, by offset (see `Link`).
     """
 
     scenario: Scenario
@@ -49,6 +55,8 @@ class Context:
     view: View
     representation: Representation
     current: CurrentField | None
+    neighbours: Callable[[Array], Array]
+    needed_j: Callable[[], Array]
 
 
 def at_work(settings: Any, world: Context) -> Any:

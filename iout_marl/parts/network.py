@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from iout_marl.core.table import TableLayout
 from iout_marl.parts.base import Part
 from iout_marl.registry import Registry
 from iout_marl.scenario import Training
@@ -21,6 +22,7 @@ class NetworkSizes:
             alone sees.
         action_sizes: number of choices of each entry of an action.
         node_entries: where an observation has the age, and the energy, of each node.
+        table: how an observation that is a node table is laid out; None of others.
         training: settings of the training.
     """
 
@@ -29,6 +31,7 @@ class NetworkSizes:
     action_sizes: tuple[int, ...]
     node_entries: tuple[slice, ...]
     training: Training
+    table: TableLayout | None = None
 
     @property
     def choices(self) -> int:

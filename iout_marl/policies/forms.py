@@ -9,12 +9,16 @@
 | VectorEnv | (envs, auvs · entries) | (envs, auvs · choices) |
 | a batch | (envs, auvs, entries) | (envs, auvs, choices) |
 
-In each of them a vector may be `{"observation": vector, "action_mask": mask}`. The leading axes of
-an answer are those of the question; its last is of one AUV, or of all joined end to end.
+In each of them a vector may be `{"observation": vector, "action_mask": mask}`, or a node table by
+rows, `{"context": (…, columns), "nodes": (…, K, columns), "auvs": (…, M − 1, columns),
+"action_mask": mask}`, joined end to end by rows; the mask may be missing, and `auvs` where there is
+one AUV. The leading axes of an answer are those of the question; its last is of one AUV, or of all
+joined end to end.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,9 +26,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.core.table import flattened
 from iout_marl.errors import InputError
 from iout_marl.whole import short
 from iout_marl.world import World
+
+#: What the observation of one AUV has, where it is a mapping.
+_OF_ONE = {"observation", "context", "nodes"}
+#: Axes of the arrays of a node table, without leading ones.
+_DIMENSIONS = {"context": 1, "auvs": 2, "nodes": 2}
 
 
 @dataclass(frozen=True)
@@ -84,14 +94,14 @@ def read_question(observation: Any, mask: Any, sizes: Sizes, who: str) -> Questi
     Raises:
         InputError: they are of another form or size, or not finite.
     """
-    if not isinstance(observation, Mapping) or "observation" in observation:
+    if not isinstance(observation, Mapping) or not _OF_ONE.isdisjoint(observation):
         return _of_vectors(observation, mask, sizes, who)
     masks = mask if isinstance(mask, Mapping) else dict.fromkeys(observation, mask)
     agents = tuple(observation)
     each = [_of_vectors(observation[a], masks.get(a), sizes, f"{who}, {a}") for a in agents]
     for agent, question in zip(agents, each, strict=True):
         if question.shape != (len(sizes.action),):
-            got = np.shape(_vector(observation[agent]))
+            got = np.shape(_vector(observation[agent], sizes, who))
             raise InputError(f"{who}, {agent}: {_expected(sizes, (sizes.observation,))}, not {got}")
     rows = np.concatenate([question.rows for question in each] or [_no_rows(sizes.observation)])
     with_masks = [question.masks for question in each if question.masks is not None]
@@ -105,9 +115,9 @@ def _of_vectors(observation: Any, mask: Any, sizes: Sizes, who: str) -> Question
     if mask is None and isinstance(observation, Mapping):
         mask = observation.get("action_mask")
     try:
-        vector = np.asarray(_vector(observation), dtype=np.float32)
+        vector = np.asarray(_vector(observation, sizes, who), dtype=np.float32)
     except (ValueError, TypeError):
-        given = short(_vector(observation))
+        given = short(_vector(observation, sizes, who))
         raise InputError(f"{who}: observations must be numbers, not {given}") from None
     entries = vector.shape[-1] if vector.ndim else 0
     joined = entries // sizes.observation
@@ -127,9 +137,35 @@ def _of_vectors(observation: Any, mask: Any, sizes: Sizes, who: str) -> Question
     return Question(rows, masks, None, (*leading, joined * len(sizes.action)))
 
 
-def _vector(observation: Any) -> Any:
-    is_masked = isinstance(observation, Mapping) and "observation" in observation
-    return observation["observation"] if is_masked else observation
+def _vector(observation: Any, sizes: Sizes, who: str) -> Any:
+    if not isinstance(observation, Mapping) or _OF_ONE.isdisjoint(observation):
+        return observation
+    if "observation" in observation:
+        return observation["observation"]
+    return _of_table(observation, sizes, who)
+
+
+def _of_table(table: Mapping[str, Any], sizes: Sizes, who: str) -> npt.NDArray[np.float32]:
+    """The vectors of a node table by rows."""
+    rows: dict[str, npt.NDArray[np.float32]] = {}
+    for name, least in _DIMENSIONS.items():
+        if name not in table:
+            if name == "auvs":
+                continue
+            raise InputError(f"{who}: a node table has context and nodes, but {name} is missing")
+        try:
+            rows[name] = np.asarray(table[name], dtype=np.float32)
+        except (ValueError, TypeError):
+            given = short(table[name])
+            raise InputError(f"{who}: {name} must be numbers, not {given}") from None
+        if rows[name].ndim < least:
+            raise InputError(f"{who}: {name}: expected rows and columns, not {rows[name].shape}")
+    shapes = {name: array.shape for name, array in rows.items()}
+    entries = sum(math.prod(s[-_DIMENSIONS[name] :]) for name, s in shapes.items())
+    try:
+        return flattened(rows, max(entries // sizes.observation, 1))
+    except ValueError:
+        raise InputError(f"{who}: shapes of a node table do not go together: {shapes}") from None
 
 
 def _no_rows(entries: int) -> npt.NDArray[np.float32]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from iout_marl import iout_v0
 from iout_marl.core.limits import unheard
+from iout_marl.core.table import flattened
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.parts.base import Part
 from iout_marl.registry import Entry, Registry, registries, registry_of
@@ -86,6 +87,12 @@ WORLDS: Mapping[str, tuple[str, dict[str, Any]]] = {
     "3 AUVs, TDD, one band": ("best/k5-tdd", SMALL | TEAM | ONE_BAND | NOBODY),
     "1 AUV, FDD": ("paper/k5-fdd", SMALL | ALONE | NOBODY),
     "1 AUV, TDD": ("paper/k5-tdd", SMALL | ALONE),
+}
+#: Further ones for entries of observations, whose rows a table permutes.
+TABLES: Mapping[str, tuple[str, dict[str, Any]]] = {
+    f"{name}, in a table": (base, {**changes, "observation": "table"})
+    for name, (base, changes) in WORLDS.items()
+    if name in ("3 AUVs, FDD", "1 AUV, TDD")
 }
 #: Sums in another order, or by another library.
 ROUNDING = 1e-9
@@ -216,7 +223,8 @@ class _Subject:
 
 def _bases(role: str, overrides: Overrides) -> Iterator[tuple[str, Scenario]]:
     """Scenarios for a part of a role, by name."""
-    for name, (base, changes) in WORLDS.items():
+    worlds = {**WORLDS, **TABLES} if role == "observation entry" else WORLDS
+    for name, (base, changes) in worlds.items():
         # A duplex part stands in for either; its worlds are those for the paper's first.
         is_out = {"beta rule": "TDD" not in name, "duplex": "FDD" not in name}
         if not is_out.get(role) and not (role == "access" and "one band" in name):
@@ -369,7 +377,9 @@ def _single(_: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
 
 
 def _vector(observation: Any) -> Any:
-    return observation["observation"] if isinstance(observation, dict) else observation
+    if not isinstance(observation, dict):
+        return observation
+    return observation["observation"] if "observation" in observation else flattened(observation)
 
 
 def _role(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:

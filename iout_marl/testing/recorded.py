@@ -33,13 +33,18 @@ OF_AUVS = {
         "observation",
         "entry",
         "entry of nodes",
+        "entry of auvs",
+        *("table context", "table of auvs", "table of nodes"),
     ),
 }
 OF_NODES = {
     *("node_cell", "age", "energy_j", "deliveries", "seen_age", "seen_energy_j", "seen_slot"),
     *("others_age", "others_deliveries", "available_j", "entry of nodes", "gain_db"),
+    "table of nodes",
     *("spilled_j", "leaked_j", "idle_j", "asleep_slots"),
 }
+#: Those with an axis of AUVs for each AUV, as the last one.
+OF_AUVS_FOR_AUVS = {"entry of auvs", "table of auvs"}
 CHOSEN_NODES = {"charged", "heard", "event polled"}
 
 
@@ -67,6 +72,8 @@ class Slot:
         for name, array in self.values.items():
             if auvs is not None and name in OF_AUVS:
                 array = array[:, auvs[: array.shape[1]]]  # noqa: PLW2901
+            if auvs is not None and name in OF_AUVS_FOR_AUVS:
+                array = array[..., auvs]  # noqa: PLW2901
             if nodes is not None and name in OF_NODES:
                 array = array[..., nodes[: array.shape[-1]]]  # noqa: PLW2901
             if nodes is not None and name in CHOSEN_NODES:
@@ -131,8 +138,8 @@ def episode(
         world: the world.
         state: its first state.
         actions: (slots, envs, auvs, entries).
-        place: of an entry of observations that is recorded by itself: its number for each node,
-            or, for want of knowing which belong to which node, all in rising order.
+        place: of an entry of observations that is recorded by itself: its numbers by row, or, for
+            want of knowing which belong to which node, all in rising order.
         chance: of each slot, by `chance_for`, in worlds that take any.
     """
     found = []
@@ -147,12 +154,27 @@ def episode(
             entry = world.observer.entries[place]
             seen = entry(state)
             seen = np.broadcast_to(seen, (world.num_envs, world.num_auvs, seen.shape[-1]))
-            if entry.feeds_node_network:
-                values["entry of nodes"] = seen
+            if entry.rows == "auvs":
+                by_row = seen.reshape(*seen.shape[:2], entry.columns, world.num_auvs - 1)
+                values["entry of auvs"] = with_itself(by_row)
+            elif entry.rows in ("nodes", "moves") or entry.feeds_node_network:
+                values["entry of nodes"] = seen.reshape(*seen.shape[:2], -1, world.num_nodes)
             else:
                 values["entry"] = np.sort(seen, axis=-1)
+        elif world.observer.layout is not None:
+            rows = world.observer.layout.rows(_numpy(values["observation"]))
+            values["table context"] = rows["context"]
+            values["table of nodes"] = np.swapaxes(rows["nodes"], -1, -2)
+            if "auvs" in rows:
+                values["table of auvs"] = with_itself(np.swapaxes(rows["auvs"], -1, -2))
         found.append(Slot({name: _numpy(array) for name, array in values.items()}))
     return found
+
+
+def with_itself(of_others: Values) -> Values:
+    """Numbers of each AUV about others, (envs, auvs, columns, auvs - 1), with 0 about itself."""
+    each = [np.insert(of_others[:, i], i, 0, axis=-1) for i in range(of_others.shape[1])]
+    return np.stack(each, axis=1)
 
 
 def _numpy(array: Array) -> Values:

@@ -46,6 +46,8 @@ MOST_PAIRS, MOST_AUVS, MOST_CELLS = 40, 4, 20_000
 
 def pays_unrolled(scenario: Scenario) -> bool:
     """Whether an `UnrolledSlot` of a scenario takes less time than the world on NumPy."""
+    if scenario.observation.part.is_table:
+        return False  # more numbers than arrays take
     pairs = scenario.num_auvs * scenario.num_nodes
     cells = Grid.from_scenario(scenario).num_cells
     return pairs <= MOST_PAIRS and scenario.num_auvs <= MOST_AUVS and cells <= MOST_CELLS

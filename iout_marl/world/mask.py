@@ -55,7 +55,7 @@ class ActionMask:
         self._others = backend.floats(1 - np.eye(scenario.num_auvs))
         self._may_harvest_nothing = link.may_harvest_nothing
         self._nothing = backend.floats(0.0)
-        self._sees_others = scenario.observation.other_auvs
+        self._sees_others = scenario.observation.part.sees_others
         best_j = link.most_harvested_w * link.slot_s
         self._others_at_best_j = backend.floats((scenario.num_auvs - 1) * best_j)
 

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 from iout_marl.core.pace import Pace
 from iout_marl.core.ranges import Ranges
 from iout_marl.core.state import State
+from iout_marl.core.table import TableLayout
 from iout_marl.parts import Context, Entry, at_work
 from iout_marl.physics.arrays import Array, joined
 from iout_marl.scenario import Scenario
 
 __all__ = ["Observer", "Ranges"]
+
+#: The order of rows in a table, see `TableLayout`.
+_ROWS = ("context", "auvs", "nodes", "moves")
 
 
 class Observer:
@@ -29,6 +34,7 @@ class Observer:
         entries: the entries.
         agent_ranges, state_ranges: ranges of an observation, and of what `observe_globally` gives.
         node_entries: entries of an observation that tell of each node: ages, energies.
+        layout: of a node table; None of other observations.
     """
 
     def __init__(self, scenario: Scenario, context: Context) -> None:
@@ -39,6 +45,12 @@ class Observer:
         self.entries: tuple[Entry, ...] = tuple(
             at_work(settings, context) for settings in scenario.seen
         )
+        self.layout: TableLayout | None = None
+        #: Whether the state of the network holds nothing that an observation does not.
+        self._sees_all = represent.is_table and scenario.observation.view_range_m is None
+        if represent.is_table:
+            self.entries = tuple(sorted(self.entries, key=lambda entry: _ROWS.index(entry.rows)))
+            self.layout = _layout(scenario, self.entries)
         self._is_from_outside = any(entry.settings.entry.is_outside for entry in self.entries)
         self.agent_ranges = Ranges.joined([_ranges(entry) for entry in self.entries])
         ends = list(itertools.accumulate(entry.size for entry in self.entries))
@@ -113,7 +125,7 @@ class Observer:
         and deliveries by packets to others alone, of which the reward is made. None for nothing.
         """
         represent, parts = self._represent, []
-        if central:
+        if central and not self._sees_all:
             seen = self.observe_globally(state)[:, None, :]
             parts.append(self._of_all_auvs(seen))
         if self._is_credited_apart:
@@ -124,10 +136,24 @@ class Observer:
     def critic_ranges(self, *, central: bool) -> Ranges | None:
         """Ranges of `observe_for_critic`."""
         represent = self._represent
-        parts = [self.state_ranges] if central else []
+        parts = [self.state_ranges] if central and not self._sees_all else []
         if self._is_credited_apart:
             parts += [represent.age_ranges(), represent.count_ranges()]
         return Ranges.joined(parts) if parts else None
+
+
+def _layout(scenario: Scenario, entries: Sequence[Entry]) -> TableLayout:
+    columns = {rows: [entry for entry in entries if entry.rows == rows] for rows in _ROWS}
+    auvs, nodes, moves = (sum(entry.columns for entry in columns[rows]) for rows in _ROWS[1:])
+    return TableLayout(
+        sum(entry.size for entry in columns["context"]),
+        scenario.num_auvs - 1,
+        auvs,
+        scenario.num_nodes,
+        nodes,
+        len(scenario.auvs.motion.part.steps),
+        moves,
+    )
 
 
 def _ranges(entry: Entry) -> Ranges:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
@@ -145,7 +146,7 @@ class World:
         self.representation: Representation = scenario.observation.part
         flows = scenario.current.part.flows
         self.current = CurrentField(scenario, self.grid, backend) if flows else None
-        context = Context(
+        self._context = context = Context(
             scenario,
             num_envs,
             backend,
@@ -156,6 +157,8 @@ class World:
             self.view,
             self.representation,
             self.current,
+            self.motion.neighbours,
+            lambda: self.duplex.needed_j(),  # noqa: PLW0108 (the duplex is set up later)
         )
         with scenario.observation.entry.blamed():
             self.representation.setup(context)
@@ -370,6 +373,21 @@ class World:
         by `Backend.with_envs_inside`.
         """
         return self.observer.observe(state)
+
+    def observer_as(self, scenario: AnyScenario) -> Observer:
+        """What sees this world's states as a scenario says that differs in `observation` alone.
+
+        Raises:
+            InputError: its observation has another view of the nodes, which states depend on.
+        """
+        other = load_scenario(scenario)
+        if other.observation.view_range_m != self.scenario.observation.view_range_m:
+            raise InputError("observation.view_range_m: must be that of the world that is seen")
+        representation: Representation = other.observation.part
+        context = replace(self._context, scenario=other, representation=representation)
+        with other.observation.entry.blamed():
+            representation.setup(context)
+        return Observer(other, context)
 
     def slot(
         self, state: State, action: Array, chance: Chance | None = None

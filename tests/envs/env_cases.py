@@ -34,8 +34,9 @@ def scenario(duplex="fdd", auvs=1, layout="fixed", mask="none", slots=SLOTS, **c
     return load_scenario(f"paper/k3-{duplex}", settings | LAYOUTS[layout] | changes)
 
 
+TABLE = {"observation.kind": "table"}
 #: By name: every combination, but for layouts of the run, which shape no observation; and a few
-#: in which an AUV may name nobody.
+#: in which an AUV may name nobody, or sees node tables.
 CASES = {
     "-".join(map(str, case)): (case, {})
     for case in itertools.product(("fdd", "tdd"), STARTS, LAYOUTS, MASKS)
@@ -48,6 +49,15 @@ CASES = {
         ("tdd", 1, "episode", "info"),
         ("tdd", 3, "fixed", "info"),
     )
+}
+CASES |= {
+    f"table-{'-'.join(map(str, case))}": (case, TABLE | changes)
+    for case, changes in {
+        ("fdd", 1, "fixed", "none"): {},
+        ("tdd", 3, "run", "info"): {"observation.view_range_m": 300},
+        ("fdd", 3, "fixed", "observation"): {"auvs.idle_choices": True},
+        ("tdd", 1, "fixed", "observation"): {"observation.form": "flat"},
+    }.items()
 }
 
 

@@ -23,6 +23,8 @@ from iout_marl.whole import is_number, short
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
+_HALVINGS = 42
+
 
 class Duplex(Part):
     """How charging and uplink share the slot.
@@ -104,7 +106,7 @@ class Duplex(Part):
                 raise self.fault(f"{name} must be above 0 kHz, not {short(getattr(self, name))}")
 
     def split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
-        """Split the slot.
+        """Split the slot, each AUV's by itself: arrays of another shape are (1, links).
 
         Args:
             charging_offset, uplink_offset: (envs, auvs) offsets to the nodes charged
@@ -121,6 +123,24 @@ class Duplex(Part):
             available_j: (envs, auvs) energy of the node heard after charging.
         """
         raise NotImplementedError
+
+    def needed_j(self) -> Array:
+        """The least energy stored with which a node delivers in a slot that charges and hears it.
+
+        By offset, see `Link`, and to 10⁻¹² of the energy of an uplink of a whole slot, which is
+        enough in any case.
+        """
+        xp, link = self.xp, self.world.link
+        offset = xp.arange(link.slot_uplink_j.shape[0], device=self.world.backend.device)[None, :]
+        harvested_w, high = link.at(link.harvested_w, offset), link.at(link.slot_uplink_j, offset)
+        low = xp.zeros_like(high)
+        middle = low
+        for _ in range(_HALVINGS):
+            split = self.split(offset, offset, middle)
+            pays = self.sends(split, middle + harvested_w * split.charging_s)
+            low, high = xp.where(pays, low, middle), xp.where(pays, middle, high)
+            middle = (low + high) / 2
+        return high[0]
 
     def why_silent(self, split: Split, available_j: Array) -> Mapping[Reason, Array]:
         """Why nodes heard do not send, (envs, auvs) bool each; the first that holds counts.

@@ -64,6 +64,11 @@ class FrequencyDivision(Duplex):
     def sends(self, split: Split, available_j: Array) -> Array:
         return available_j > split.required_j
 
+    def needed_j(self) -> Array:
+        link = self._link
+        short_j = link.slot_uplink_j - link.harvested_w * link.slot_s
+        return self.xp.maximum(short_j, self.xp.zeros_like(short_j))
+
     def why_silent(self, split: Split, available_j: Array) -> Mapping[Reason, Array]:
         silent = ~self.sends(split, available_j)
         return {OUT_OF_RANGE: split.required_j >= DEAREST_J, NO_ENERGY: silent}

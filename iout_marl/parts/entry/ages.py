@@ -12,10 +12,7 @@ class Ages(Entry):
 
     unit = "slots"
     feeds_node_network = True
-
-    @property
-    def size(self) -> int:
-        return self.world.scenario.num_nodes
+    rows = "nodes"
 
     def ranges(self) -> Ranges:
         return self.world.representation.age_ranges()

@@ -12,10 +12,7 @@ class Energies(Entry):
 
     unit = "J"
     feeds_node_network = True
-
-    @property
-    def size(self) -> int:
-        return self.world.scenario.num_nodes
+    rows = "nodes"
 
     def ranges(self) -> Ranges:
         return self.world.representation.energy_ranges()

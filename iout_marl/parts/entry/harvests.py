@@ -13,10 +13,7 @@ class Harvests(Entry):
 
     unit = "J"
     feeds_node_network = True
-
-    @property
-    def size(self) -> int:
-        return self.world.scenario.num_nodes
+    rows = "nodes"
 
     def ranges(self) -> Ranges:
         scale = self.world.representation.energy_ranges().scale[0]

@@ -13,15 +13,12 @@ class UnseenFor(Entry):
     """How many slots ago each node's age and energy were what the AUV knows of them."""
 
     unit = "slots"
+    rows = "nodes"
 
     def check(self, scenario: Scenario) -> None:
         if scenario.observation.view_range_m is None:
             path = ("observation", "entries")
             raise invalid(path, "unseen_for: everything is seen without observation.view_range_m")
-
-    @property
-    def size(self) -> int:
-        return self.world.scenario.num_nodes
 
     def ranges(self) -> Ranges:
         return self.world.representation.duration_ranges()

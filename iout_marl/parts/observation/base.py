@@ -14,6 +14,7 @@ from iout_marl.core.ranges import Ranges
 from iout_marl.parts.base import Context, Part
 from iout_marl.physics.arrays import Array, lookup, reverse_axes
 from iout_marl.registry import Registry
+from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import Plausible, Positive
 from iout_marl.scenario.parts import PartOf
 from iout_marl.scenario.parts import Settings as PartSettings
@@ -56,6 +57,32 @@ class Representation(Part):
         }
 
     settings: Settings
+    #: Whether observations are node tables, see `iout_marl.core.table`.
+    is_table: ClassVar[bool] = False
+
+    @property
+    def is_by_rows(self) -> bool:
+        """Whether environments hand out the rows of a node table, and not a vector."""
+        return False
+
+    @property
+    def sees_others(self) -> bool:
+        return bool(self.settings.other_auvs)
+
+    def kinds(self, scenario: Scenario) -> list[str]:
+        """The kinds of the entries of an observation, without those of one's own."""
+        seen = self.settings
+        kinds = {
+            "position": True,
+            "ages": True,
+            "energies": True,
+            "node_positions": seen.node_positions,
+            "time": seen.time,
+            "other_auvs": seen.other_auvs and scenario.num_auvs > 1,
+            "unseen_for": seen.view_range_m is not None,
+            "agent_index": seen.agent_index,
+        }
+        return [kind for kind, is_in in kinds.items() if is_in]
 
     def setup(self, world: Context) -> None:
         super().setup(world)
