@@ -21,7 +21,8 @@ from trainers.memory import enough_memory
 from trainers.minibatches import Minibatches
 from trainers.networks import ActorCritic, stacked
 from trainers.optimizers import make_optimizer
-from trainers.returns import RewardScale
+from trainers.over import Turn, Turns
+from trainers.returns import RewardScale, standardised
 from trainers.rollout import Rollout
 from trainers.trained import TrainedPolicy
 
@@ -39,6 +40,8 @@ class BaseTrainer(ABC):
         use_graphs: capture the work as graphs, where the device can.
         overrides: changes of the scenario, as for `load_scenario`.
         network: in place of `training.network`: a kind, or a mapping with it.
+        start: what the weights begin with: `pretrained`, or the folder of a run whose networks
+            are for any size; see `trainers.starting`. None for random ones.
 
     Attributes:
         seeds: of each policy.
@@ -63,15 +66,27 @@ class BaseTrainer(ABC):
         use_graphs: bool = True,
         overrides: Overrides = None,
         network: str | dict[str, Any] | None = None,
+        start: str | None = None,
     ) -> None:
         self.source = load_for_training(scenario, overrides, network)
+        weights = None
+        if start is not None:
+            from trainers.starting import started_from  # reads runs, which are of trainers
+
+            self.source, weights = started_from(start, self.source)
         self.settings: Training = self.source.training
-        self.runtime = Runtime(device, group, use_graphs=use_graphs)
+        # Graphs are of one size.
+        self.runtime = Runtime(device, group, use_graphs=use_graphs and not self.settings.over)
         self.runtime.check(self.settings, replicas)
         if self.settings.target_kl is not None and replicas > 1:
             raise InputError(
                 "training.target_kl: policies trained side by side cannot stop their epochs "
                 "apart; set it to null, or train them one after the other"
+            )
+        if self.settings.over and replicas > 1:
+            raise InputError(
+                "--replicas: policies side by side play the same scenario, which training.over "
+                "draws; train them one after the other"
             )
         self.seeds = range(seed, seed + replicas)
         self.scenarios = [pin_layout(self.source, each) for each in self.seeds]
@@ -80,13 +95,20 @@ class BaseTrainer(ABC):
         )
         world = self.collector.world
         self.network = stacked([self._make_network(each) for each in self.seeds])
+        if weights is not None:
+            for name, tensor in self.network.state_dict().items():
+                tensor.copy_(weights[name])
         self.network.to(self.runtime.device)
         self.optimizer = make_optimizer(
             self.settings, [p for p in self.network.parameters() if p.requires_grad]
         )
-        self.minibatches = Minibatches(
+        minibatches = Minibatches(
             self.settings, world.num_auvs, self.collector.generators, self.runtime
         )
+        self.turn = Turn(self.collector, self.network, minibatches, self.settings.rollout_slots)
+        self._turns = None
+        if self.settings.over:
+            self._turns = Turns(self.source, self.collector, self.network, seed, self.runtime)
         self.reward_scale = RewardScale(
             self.settings.reward_scaling, self.settings.discount, replicas, self.runtime
         )
@@ -110,9 +132,35 @@ class BaseTrainer(ABC):
         """The scenario of the first policy."""
         return self.scenarios[0]
 
+    def next_turn(self) -> Turn:
+        """What the next iteration plays: always the same, or what is drawn of `training.over`."""
+        return self.turn if self._turns is None else self._turns.next()
+
+    def finish_turn(self, figures: dict[str, float]) -> dict[str, float]:
+        """What else there is to log of the turn, by what is logged of it anyway."""
+        return {} if self._turns is None else self._turns.finish(self.turn, figures)
+
+    def scaled_reward(self, rollout: Rollout) -> Tensor:
+        """A rollout's rewards, of the scale on which the critic works."""
+        if self._turns is None:
+            return self.reward_scale.scaled(rollout.reward, rollout.truncated)
+        discount, group = self.settings.discount, self.runtime.group
+        return standardised(rollout.reward, rollout.truncated, discount, group)
+
+    def next_value(self, rollout: Rollout) -> Tensor:
+        """Values of what follows each slot of a rollout.
+
+        With `training.over`, what follows an episode counts as the mean, as in `standardised`. No
+        rollout holds the last states of episodes, so nothing would keep a critic that sees the time
+        from valuing them higher and higher, one target after the other.
+        """
+        if self._turns is None:
+            return rollout.next_value
+        return rollout.next_value.masked_fill(rollout.truncated[:, None, None, None], 0.0)
+
     @property
     def steps_per_iteration(self) -> int:
-        """Environment steps of a rollout, for each policy."""
+        """Environment steps of a rollout, for each policy; with `training.over` about so many."""
         return self.settings.environments * self.settings.rollout_slots
 
     @property
@@ -172,6 +220,7 @@ class BaseTrainer(ABC):
             "env_steps": self.env_steps,
             "seed": self.seeds[policy],
             "side_by_side": [self.seeds.start, len(self.seeds)],
+            **({} if self._turns is None else {"over": self._turns.state_dict()}),
         }
 
     def load_state_dict(self, *saved: dict[str, Any]) -> None:
@@ -191,6 +240,8 @@ class BaseTrainer(ABC):
         self.optimizer.load_state_dict([one["optimizer"] for one in saved])
         self.reward_scale.load_state_dict([one["reward_scale"] for one in saved])
         self.collector.load_state_dict([one["collector"] for one in saved])
+        if self._turns is not None:
+            self._turns.load_state_dict(saved[0]["over"])
         self._capture()
         self.env_steps = saved[0]["env_steps"]
         self.seeds = seeds

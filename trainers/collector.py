@@ -53,10 +53,16 @@ class Collector:
         seeds: of each policy; seed its layouts and actions.
         runtime: who shares the environments. Every process draws for all of them, so that it
             does not matter how many share.
+        streams: whose streams to draw from, in the place of streams of its own.
     """
 
     def __init__(
-        self, scenarios: Sequence[Scenario], num_envs: int, seeds: Sequence[int], runtime: Runtime
+        self,
+        scenarios: Sequence[Scenario],
+        num_envs: int,
+        seeds: Sequence[int],
+        runtime: Runtime,
+        streams: Collector | None = None,
     ) -> None:
         self.device, self._group = runtime.device, runtime.group
         self._runtime = runtime
@@ -83,6 +89,13 @@ class Collector:
         state = self._first_state()
         # Where slots are captured, each field has memory of its own.
         self.state = state.map(torch.clone) if self._captures else state
+        self._slot = 0
+        if streams is not None:
+            self.layout_rngs, self.generators = streams.layout_rngs, streams.generators
+
+    def restart(self) -> None:
+        """Begin new episodes, whatever was played before."""
+        self._set_state(self._first_state())
         self._slot = 0
 
     def _set_state(self, state: State) -> None:
@@ -255,7 +268,7 @@ class Collector:
         timer("environment")
         inputs = network.scaler(observation)
         noise = storage.at(storage.noise, t)
-        action, log_probability = network.sample(network.logits(inputs, mask), noise)
+        action, log_probability = network.act(inputs, mask, noise)
         timer("inference")
         storage.write(
             t,

@@ -12,7 +12,8 @@ from torch import Tensor, nn
 from iout_marl.parts import NetworkSizes
 from iout_marl.scenario import Training
 from iout_marl.world.observation import Observer, Ranges
-from trainers.networks import ActorCritic, Perceptron, Scaler, expand_replicas
+from trainers.networks import ActorCritic, Perceptron, Scaler, Unscaled, expand_replicas
+from trainers.sets import SetActor, SetCritic
 
 
 def make_network(
@@ -31,10 +32,11 @@ def make_network(
         action_sizes,
         tuple(observer.node_entries),
         settings,
+        observer.layout,
     )
     actor, critic = _actor_and_critic(sizes)
     return ActorCritic(
-        _scaler(observer.agent_ranges, settings),
+        _scaler(observer.agent_ranges, settings) if observer.layout is None else Unscaled(),
         action_sizes,
         actor,
         critic,
@@ -51,6 +53,8 @@ def _actor_and_critic(sizes: NetworkSizes) -> tuple[nn.Module, nn.Sequential]:
         actor, critic = part.make_actor(sizes), part.make_critic(sizes)
         if isinstance(actor, Perceptron) and isinstance(critic, Perceptron):
             return actor, critic
+        if isinstance(actor, SetActor) and isinstance(critic, SetCritic):
+            return actor, nn.Sequential(critic, OutputScale())
         for name, module, inputs, outputs in (
             ("actor", actor, sizes.observation_entries, sizes.choices),
             ("critic", critic, sizes.critic_entries, 1),

@@ -7,16 +7,19 @@ first; so have then all that goes in and comes out: (policies, …) instead of (
 from __future__ import annotations
 
 import copy
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, Self
 
 import torch
 from torch import Tensor, nn
 
+from iout_marl.core.table import TableLayout
 from trainers import ops
 from trainers.moments import Moments
+from trainers.stepwise import StepwiseActor
 
 #: A log-probability that comes out as a probability of exactly 0, and is finite.
 _IMPOSSIBLE = -1e9
@@ -66,6 +69,17 @@ class Scaler(nn.Module):
         self.shift.copy_(merged.mean)
         self.scale.copy_(merged.variance.clamp_min(1e-8).sqrt())
         self.count.copy_(merged.number[..., 0])
+
+
+class Unscaled(Scaler):
+    """Leaves node tables, of any size, as they are: their numbers are of order one anywhere."""
+
+    def __init__(self) -> None:
+        super().__init__(torch.zeros(1), torch.ones(1), math.inf)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """(…, entries) as they are."""
+        return observation
 
 
 class Perceptron(nn.Sequential):
@@ -176,7 +190,37 @@ class ActorCritic(nn.Module):
         self.register_buffer("return_std", torch.tensor(1.0))
         self.register_buffer("return_count", torch.tensor(0.0))
 
-    def logits(self, inputs: Tensor, mask: Tensor | None = None) -> Tensor:
+    @property
+    def observation_entries(self) -> int:
+        """Entries of an observation."""
+        return self.scaler.shift.shape[-1] if self.layout is None else self.layout.size
+
+    @property
+    def layout(self) -> TableLayout | None:
+        """How the node tables that they see are laid out; None of other observations."""
+        layout: TableLayout | None = getattr(self.actor, "layout", None)
+        return layout
+
+    def sized_for(self, layout: TableLayout, action_sizes: Sequence[int]) -> Self:
+        """These networks for node tables and actions of other sizes; the weights are the same.
+
+        Args:
+            layout: of the tables.
+            action_sizes: number of choices of each entry of an action.
+        """
+        actor: Any = self.actor
+        first: Any = self.critic[0]
+        critic = nn.Sequential(first.sized_for(layout), *list(self.critic)[1:])
+        result = type(self)(
+            self.scaler, action_sizes, actor.sized_for(layout, action_sizes), critic
+        ).to(self.return_mean.device)
+        result.return_mean, result.return_std = self.return_mean, self.return_std
+        result.return_count = self.return_count
+        return result
+
+    def logits(
+        self, inputs: Tensor, mask: Tensor | None = None, action: Tensor | None = None
+    ) -> Tensor:
         """Unnormalised log-probabilities of all choices, (…, action entries, width).
 
         Entries with fewer choices than `width`, the largest of `action_sizes`, are filled
@@ -186,7 +230,11 @@ class ActorCritic(nn.Module):
             inputs: (…, entries) scaled observations.
             mask: (…, choices) bool, the choices of one entry after the other; those
                 where it is false get no probability.
+            action: (…, action entries) choices, of which a `StepwiseActor` takes those before each
+                entry as made; None for the most probable ones.
         """
+        if isinstance(self.actor, StepwiseActor):
+            return self._stepwise_logits(inputs, mask, action)
         flat: Tensor = self.actor(inputs)
         if flat.shape[-1] == self.padding.numel():
             logits = flat.reshape(*flat.shape[:-1], *self.padding.shape) + self.padding
@@ -265,6 +313,71 @@ class ActorCritic(nn.Module):
         """(…, action entries): the most probable choices."""
         return logits.argmax(-1)
 
+    def act(self, inputs: Tensor, mask: Tensor | None, uniform: Tensor) -> tuple[Tensor, Tensor]:
+        """Actions drawn from the policy, and their log-probability.
+
+        Args:
+            inputs, mask: as for `logits`.
+            uniform: (…, action entries) numbers of (0, 1], see `sample`.
+
+        Returns:
+            (…, action entries) choices and (…) log-probabilities.
+        """
+        if not isinstance(self.actor, StepwiseActor):
+            return self.sample(self.logits(inputs, mask), uniform)
+        noise, drawn = self._as_samples(uniform), []
+
+        def draw(entry: int, logits: Tensor) -> Tensor:
+            drawn.append(_drawn(logits, noise[..., entry, :]))
+            return drawn[-1][0]
+
+        self._decide(inputs, mask, draw)
+        choices, log_probabilities = (
+            torch.stack(each, dim=-1) for each in zip(*drawn, strict=True)
+        )
+        lead = inputs.shape[:-1]
+        return choices.reshape(*lead, -1), log_probabilities.sum(-1).reshape(lead)
+
+    def _stepwise_logits(
+        self, inputs: Tensor, mask: Tensor | None, action: Tensor | None
+    ) -> Tensor:
+        """`logits` of a `StepwiseActor`."""
+        given = None if action is None else self._as_samples(action)
+        found: list[Tensor] = []
+
+        def keep(entry: int, logits: Tensor) -> Tensor:
+            missing = self.width - logits.shape[-2]
+            found.append(nn.functional.pad(logits, (0, 0, 0, missing), value=_IMPOSSIBLE))
+            return logits.argmax(-2) if given is None else given[..., entry, :]
+
+        self._decide(inputs, mask, keep)
+        # (…, action entries, width, samples), of which the samples go to the front.
+        logits = torch.stack(found, dim=-3).movedim(-1, -3)
+        return logits.reshape(*inputs.shape[:-1], *logits.shape[-2:])
+
+    def _decide(
+        self, inputs: Tensor, mask: Tensor | None, choose: Callable[[int, Tensor], Tensor]
+    ) -> None:
+        """Let a `StepwiseActor` decide: `choose` gets an entry's number and its masked logits."""
+        masks = None
+        if mask is not None:
+            masks = torch.split(self._as_samples(mask), list(self.action_sizes), dim=-2)
+        entries = itertools.count()
+
+        def choose_sensibly(logits: Tensor) -> Tensor:
+            entry = next(entries)
+            if masks is not None:
+                logits = logits.masked_fill(~masks[entry], _IMPOSSIBLE)
+            return choose(entry, logits)
+
+        actor: Any = self.actor
+        actor.decide(self._as_samples(inputs), choose_sensibly)
+
+    def _as_samples(self, values: Tensor) -> Tensor:
+        """(policies, …, entries), or (…, entries) of a lone policy, with the samples last."""
+        replicas = self.return_mean.ndim
+        return values.reshape(*values.shape[:replicas], -1, values.shape[-1]).mT
+
     @staticmethod
     def sample(logits: Tensor, uniform: Tensor) -> tuple[Tensor, Tensor]:
         """Choices drawn by inverting their distribution, and their log-probability.
@@ -288,6 +401,14 @@ class ActorCritic(nn.Module):
     def log_probability(log_probabilities: Tensor, action: Tensor) -> Tensor:
         """(…): log-probability of (…, action entries) actions."""
         return log_probabilities.gather(-1, action.unsqueeze(-1)).squeeze(-1).sum(-1)
+
+
+def _drawn(logits: Tensor, uniform: Tensor) -> tuple[Tensor, Tensor]:
+    """As `ActorCritic.sample`, of one entry: (…, choices, samples) logits, (…, samples) others."""
+    probability = logits.softmax(-2)
+    shares = probability.cumsum(-2)
+    choice = (shares < shares[..., -1:, :] * uniform[..., None, :]).sum(-2, keepdim=True)
+    return choice.squeeze(-2), probability.gather(-2, choice).squeeze(-2).log()
 
 
 def stacked(networks: Sequence[ActorCritic]) -> ActorCritic:

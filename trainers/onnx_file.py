@@ -96,7 +96,7 @@ def _written(graph: OnnxPolicy, policy: TrainedPolicy, scenario: Scenario) -> by
     import onnx
 
     network = graph.network
-    entries, choices = network.scaler.shift.shape[-1], sum(network.action_sizes)
+    entries, choices = network.observation_entries, sum(network.action_sizes)
     # Any number but 0 and 1, for which exporters might make a graph of its own.
     sample = torch.zeros(2, entries), torch.ones(2, choices, dtype=torch.bool)
     batch = {0: torch.export.Dim("batch")}

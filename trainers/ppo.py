@@ -45,6 +45,8 @@ class Trainer(BaseTrainer):
             - `aoi/…`, `fairness/…`, `energy/…`, `uplink/…`, `constraints/…`: metrics of
               the episodes that ended in the rollout, see `iout_marl.metrics`; `metrics/…`:
               those of users;
+            - `family/NAME/aoi`, `family/NAME/gap`: mean AoI of the family that was drawn of
+              `training.over`, and by how much it exceeds the scheduling bound, relatively;
             - `reward/…`: mean of each term of the reward a slot, and their `total`;
             - `ppo/loss`, and its terms `ppo/policy_loss`, `ppo/value_loss`, `ppo/entropy`;
               `ppo/kl`: mean Kullback-Leibler divergence from the policy of the rollout,
@@ -58,39 +60,40 @@ class Trainer(BaseTrainer):
         """
         settings, timer = self.settings, PhaseTimer()
         learning_rate = self._learning_rate()
-        rollout = self.collector.collect(
-            self.network, settings.rollout_slots, use_mask=settings.mask_actions, timer=timer
+        turn = self.turn = self.next_turn()
+        rollout = turn.collector.collect(
+            turn.network, turn.slots, use_mask=settings.mask_actions, timer=timer
         )
-        orders = self.minibatches.orders(settings.rollout_slots)
+        orders = turn.minibatches.orders(turn.slots)
         figures = {**rollout.log(), **self._captured_update(rollout, orders, learning_rate)}
         columns = torch.stack([f.double() for f in figures.values()]).cpu()
-        self.env_steps += self.steps_per_iteration
+        self.env_steps += turn.env_steps
         timer("learn")
         common = {
-            **timer.log(self.steps_per_iteration * len(self.seeds)),
+            **timer.log(turn.env_steps * len(self.seeds)),
             "ppo/learning_rate": learning_rate,
         }
-        return [
+        logs = [
             {**dict(zip(figures, values, strict=True)), **common} for values in columns.T.tolist()
         ]
+        return [{**log, **self.finish_turn(log)} for log in logs]
 
     def _update(
         self, rollout: Rollout, orders: Iterable[Tensor], learning_rate: float | Tensor
     ) -> dict[str, Tensor]:
         """See `BaseTrainer._update`."""
-        settings, network = self.settings, self.network
-        self.reward_scale.update(rollout.reward, rollout.truncated)
+        settings, network = self.settings, self.turn.network
         advantage = advantages(
-            rollout.reward / self.reward_scale.divisor[..., None, None],
+            self.scaled_reward(rollout),
             rollout.value,
-            rollout.next_value,
+            self.next_value(rollout),
             rollout.truncated,
             settings.discount,
             settings.gae_lambda,
         )
         returns = advantage + rollout.value
         return_moments = self._moments(returns)
-        if settings.normalise_value:
+        if settings.normalise_value and not settings.over:  # whose rewards are standardised
             network.update_popart(return_moments)
         data = {
             **rollout.samples(),
@@ -111,7 +114,7 @@ class Trainer(BaseTrainer):
         limit = self.settings.target_kl
         logs: list[dict[str, Tensor]] = []
         for order in orders:
-            for batch, samples in self.minibatches.cut(data, order):
+            for batch, samples in self.turn.minibatches.cut(data, order):
                 logs.append(self._step(batch, samples, learning_rate))
             if limit is not None and float(self.runtime.sum(logs[-1]["kl"].clone())) > limit:
                 break
@@ -132,9 +135,9 @@ class Trainer(BaseTrainer):
             samples: size of the whole minibatch, of each policy.
             learning_rate: of this step.
         """
-        settings, network = self.settings, self.network
+        settings, network = self.settings, self.turn.network
         actor = policy_loss(
-            network.logits(batch["inputs"], batch.get("mask")),
+            network.logits(batch["inputs"], batch.get("mask"), batch["action"]),
             batch["action"],
             batch["log_probability"],
             batch["advantage"],

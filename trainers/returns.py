@@ -10,7 +10,9 @@ from torch import Tensor
 
 from trainers.accel import Runtime
 from trainers.accel.graphs import write_over
+from trainers.accel.processes import ProcessGroup
 from trainers.moments import Moments
+from trainers.networks import expand_replicas
 
 
 def advantages(
@@ -45,6 +47,33 @@ def advantages(
     return result
 
 
+def standardised(reward: Tensor, truncated: Tensor, discount: float, group: ProcessGroup) -> Tensor:
+    """Rewards whose discounted returns in the rollout have mean 0 and standard deviation 1.
+
+    With the mean μ and the standard deviation σ of the returns, r' = (r − (1 − γ) μ) / σ: values
+    of r are μ + σ V' where V' are those of r'. Of each rollout anew, as scenarios differ from one
+    to the next. What follows an episode, or the rollout, counts as mean reward / (1 − γ).
+
+    Args:
+        reward: (slots, policies, envs, auvs).
+        truncated: (slots,) bool, whether the episode ended with the slot.
+        discount: γ, below 1.
+        group: the processes that share the environments.
+    """
+    beyond = Moments.from_values(reward, (0, -2, -1), group).mean / (1 - discount)
+    exact = reward.double()
+    beyond = expand_replicas(beyond, exact[0])
+    returns = torch.empty_like(exact)
+    following = beyond.expand(exact.shape[1:])
+    for t in reversed(range(len(exact))):
+        following = torch.where(truncated[t], beyond, following)
+        following = returns[t] = exact[t] + discount * following
+    moments = Moments.from_values(returns, (0, -2, -1), group)
+    mean = expand_replicas(moments.mean, exact[0])
+    std = expand_replicas(moments.variance.sqrt().clamp_min(1e-6), exact[0])
+    return ((exact - (1 - discount) * mean) / std).to(reward.dtype)
+
+
 class RewardScale:
     """The divisor of the rewards, so that values are of order one.
 
@@ -71,6 +100,11 @@ class RewardScale:
     def divisor(self) -> Tensor:
         std = self._seen.variance.sqrt().clamp_min(1e-6).float()
         return torch.ones_like(std) if self._kind == "none" else std
+
+    def scaled(self, reward: Tensor, truncated: Tensor) -> Tensor:
+        """Rewards, (slots, policies, envs, auvs), once they are taken in; see `update`."""
+        self.update(reward, truncated)
+        return reward / self.divisor[..., None, None]
 
     def update(self, reward: Tensor, truncated: Tensor) -> None:
         """Take in rewards.

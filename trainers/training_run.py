@@ -200,11 +200,12 @@ class TrainingRun:
             except InputError as error:
                 failure = error  # what was learnt is saved all the same
             self._check_finite()
-            tag = described("mean_aoi").tag
-            self.sampled_aoi = [
-                each.get(tag, last)
-                for each, last in zip(self.figures, self.sampled_aoi, strict=True)
-            ]
+            if not trainer.settings.over:  # whose rollouts are of other scenarios
+                tag = described("mean_aoi").tag
+                self.sampled_aoi = [
+                    each.get(tag, last)
+                    for each, last in zip(self.figures, self.sampled_aoi, strict=True)
+                ]
         if self._saved_here_at != trainer.env_steps:
             try:
                 self.save()

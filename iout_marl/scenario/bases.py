@@ -11,13 +11,15 @@ from iout_marl.scenario.families import family_of
 from iout_marl.scenario.layers import Layer, read_file
 from iout_marl.scenario.naming import find_scenario, split_member
 from iout_marl.scenario.parts import part_of
-from iout_marl.scenario.places import Places, shorten
+from iout_marl.scenario.places import KeyPath, Places, shorten, show_path
 from iout_marl.scenario.plain import plain_mapping
 from iout_marl.scenario.schema import Scenario
 from iout_marl.scenario.sources import without_suffix
 
 #: Scenarios that one may extend, those that they extend among them.
 MAX_BASES = 50
+#: What a scenario that another one trains over has for itself alone.
+NOT_OF_FAMILIES = ("training", "observation", "name", "description")
 
 
 def read_with_bases(path: Path) -> Layer:
@@ -29,16 +31,55 @@ def read_with_bases(path: Path) -> Layer:
     return _Chain().read(path, ())
 
 
-def mapping_layer(source: Mapping[Any, Any]) -> Layer:
+def mapping_layer(source: Mapping[Any, Any], beside: Path | None = None) -> Layer:
     """A mapping with the keys of a file, over all that it extends.
+
+    Args:
+        source: the mapping.
+        beside: the file in which it stands; None for the working folder.
 
     Raises:
         InputError: as `read_with_bases`, or its keys or values are none that a file could hold.
     """
     where = "mapping"
     data = plain_mapping(source, where)
-    merged = _Chain().read_bases(data, pop_bases(data, where), where, None, ())
+    merged = _Chain().read_bases(data, pop_bases(data, where), where, beside, ())
     return Layer(data, Places.throughout(data, where)).over(merged)
+
+
+def with_over_read(layer: Layer) -> Layer:
+    """A layer with the settings of each scenario that `training.over` names, in its place.
+
+    Raises:
+        InputError: one is not there, or as `read_with_bases`.
+    """
+    training = layer.data.get("training")
+    if not isinstance(training, dict) or not isinstance(training.get("over"), list):
+        return layer
+    entries = []
+    for i, written in enumerate(training["over"]):
+        is_name = isinstance(written, str)
+        entry = {"scenario": written} if is_name else written
+        if isinstance(entry, dict) and isinstance(entry.get("scenario"), str | dict):
+            path = ("training", "over", i, *(() if is_name else ("scenario",)))
+            entry = _over_read(entry, layer, path)
+        entries.append(entry)
+    data = {**layer.data, "training": {**training, "over": entries}}
+    return Layer(data, layer.places)
+
+
+def _over_read(entry: dict[str, Any], layer: Layer, path: KeyPath) -> dict[str, Any]:
+    named, beside = entry["scenario"], layer.places.file_of(path)
+    if isinstance(named, dict):
+        if "extends" not in named:
+            return entry
+        return {**entry, "scenario": mapping_layer(named, beside).data}
+    try:
+        read = read_with_bases(find_scenario(named, beside))
+    except InputError as error:
+        raise InputError(f"{layer.origin(path)}: {show_path(path)}: {error}") from None
+    own = {k: v for k, v in read.data.items() if k not in NOT_OF_FAMILIES}
+    return {"name": named, **entry, "scenario": own}
 
 
 class _Chain:

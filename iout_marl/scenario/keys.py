@@ -130,6 +130,16 @@ def all_keys(model: Model) -> Mapping[str, tuple[FieldInfo, ...]]:
     return types.MappingProxyType(found)
 
 
+def takes_whole_numbers(model: Model, key: str) -> bool:
+    """Whether a dotted key of a file takes whole numbers alone."""
+    fields = all_keys(model).get(key, ())
+    return bool(fields) and all(
+        int in (plain := [_plain(p) for p in (get_args(f.annotation) or (f.annotation,))])
+        and float not in plain
+        for f in fields
+    )
+
+
 def choices(field: FieldInfo) -> tuple[Any, ...] | None:
     """The values that a field can have, where it lists them."""
     part, annotation = part_of(field), field.annotation

@@ -15,14 +15,16 @@ from ruamel.yaml.comments import CommentedSeq
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from iout_marl.errors import InputError
-from iout_marl.scenario.bases import mapping_layer, read_with_bases
+from iout_marl.scenario.bases import mapping_layer, read_with_bases, with_over_read
 from iout_marl.scenario.data_files import PATH_OF, PathOf
+from iout_marl.scenario.drawing import check_families
 from iout_marl.scenario.layers import Layer, Overrides, overrides_layer, parse_file
 from iout_marl.scenario.naming import find_scenario, name_of, split_member
 from iout_marl.scenario.places import Places, show_value
 from iout_marl.scenario.presets import names_preset, with_preset
 from iout_marl.scenario.problems import validate
 from iout_marl.scenario.schema import Scenario
+from iout_marl.scenario.training import Training
 
 #: Whatever is taken for a scenario: a bundled name, a path, a mapping, or a `Scenario`.
 AnyScenario: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | Scenario
@@ -73,7 +75,7 @@ def load_scenario(
         )
     if names_preset(above):
         path = beside or path
-    return validate(Scenario, with_preset(above.over(layer), path))
+    return _checked(with_preset(above.over(layer), path))
 
 
 def parse_scenario(path: Path, contents: bytes) -> Scenario:
@@ -82,7 +84,15 @@ def parse_scenario(path: Path, contents: bytes) -> Scenario:
     Raises:
         InputError: as by `load_scenario`.
     """
-    return validate(Scenario, with_preset(parse_file(path, contents), path))
+    return _checked(with_preset(parse_file(path, contents), path))
+
+
+def _checked(layer: Layer) -> Scenario:
+    read = with_over_read(layer)
+    scenario = validate(Scenario, read)
+    if scenario.training.over:
+        check_families(scenario, read)
+    return scenario
 
 
 def to_yaml(scenario: Scenario, path_of: PathOf | None = None) -> str:
@@ -101,6 +111,9 @@ def to_yaml(scenario: Scenario, path_of: PathOf | None = None) -> str:
         del data["grid"]["origin"]
     if not scenario.observation.entries:
         del data["observation"]["entries"]
+    for key, default in Training.written_if_set.items():
+        if data["training"][key] == default:
+            del data["training"][key]
     return dump_yaml(data)
 
 

@@ -39,7 +39,7 @@ def with_preset(layer: Layer, scenario_path: Path | None) -> Layer:
     training = layer.data.get("training", {})
     if not isinstance(training, dict):
         return layer
-    if set(Training.model_fields) <= set(training):
+    if set(Training.model_fields) - set(Training.written_if_set) <= set(training):
         return layer
     name = training.get("preset", DEFAULT_PRESET)
     path: KeyPath = ("training", "preset")

@@ -121,6 +121,7 @@ class Scenario(Section):
         entries = self.observation.entries
         for settings in (
             self.auvs.motion,
+            self.observation,
             self.channel,
             self.harvester,
             self.uplink,
@@ -131,6 +132,7 @@ class Scenario(Section):
             self.hearing,
             self.reward,
             *entries,
+            self.training.network,
         ):
             settings.part.check(self)
         return self
@@ -215,6 +217,31 @@ class Scenario(Section):
             raise invalid(
                 ("training", "hidden_units"),
                 f"make a network of some {weights:.2g} weights: {MAX_WEIGHTS:g} at most",
+            )
+
+        if training.over:
+            self._check_over()
+
+    def _check_over(self) -> None:
+        training = self.training
+        if not self.observation.part.is_table:
+            raise invalid(
+                ("observation", "kind"),
+                "must be table for training.over: other observations are of one size, not "
+                f"{self.observation.kind}",
+                beside=("training", "over"),
+            )
+        if self.nodes.part.redraws == "run":
+            raise invalid(
+                ("nodes", "redraw"),
+                "must be episode for training.over, which plays new layouts, not run",
+                beside=("training", "over"),
+            )
+        if training.discount == 1:
+            raise invalid(
+                ("training", "discount"),
+                "must be below 1 for training.over, which estimates what lies beyond an episode",
+                beside=("training", "over"),
             )
 
     @property
@@ -320,21 +347,10 @@ class Scenario(Section):
     @property
     def seen(self) -> tuple[Settings, ...]:
         """The entries of an AUV's observation, in their order."""
-        seen = self.observation
-        own = {
-            "position": True,
-            "ages": True,
-            "energies": True,
-            "node_positions": seen.node_positions,
-            "time": seen.time,
-            "other_auvs": seen.other_auvs and self.num_auvs > 1,
-            "unseen_for": seen.view_range_m is not None,
-            "agent_index": seen.agent_index,
-        }
-        kinds = [kind for kind, is_in in own.items() if is_in]
+        kinds = self.observation.part.kinds(self)
         return (
             *(settings_of("observation entry", {"kind": kind}) for kind in kinds),
-            *seen.entries,
+            *self.observation.entries,
         )
 
     @property

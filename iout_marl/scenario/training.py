@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from iout_marl.scenario.fields import (
     Count,
@@ -14,8 +14,11 @@ from iout_marl.scenario.fields import (
     Positive,
     Section,
     Text,
+    invalid,
 )
+from iout_marl.scenario.over import Varied
 from iout_marl.scenario.parts import PartOf, Settings
+from iout_marl.scenario.places import shorten
 
 
 class Training(Section):
@@ -89,10 +92,33 @@ class Training(Section):
     mask_actions: bool
     #: Environment steps between two checkpoints.
     checkpoint_steps: Count
+    #: Scenarios, by name or path, and families of them, one of which is drawn for each rollout:
+    #: `{scenario: …, vary: {key: …}, weight: …, name: …}`. Networks must take any size.
+    over: Annotated[tuple[Varied, ...], Field(strict=False, max_length=1000)] = ()
+    #: How families of `over` are drawn: `none`, by their weights; `gap`, the more often the
+    #: further the mean AoI is from the scheduling bound.
+    curriculum: Literal["none", "gap"] = "none"
+
+    #: Keys that are written only where they say something.
+    written_if_set: ClassVar[dict[str, Any]] = {"over": [], "curriculum": "none"}
+
+    @field_validator("over")
+    @classmethod
+    def _have_names_of_their_own(cls, over: tuple[Varied, ...]) -> tuple[Varied, ...]:
+        seen: dict[str, int] = {}
+        for i, entry in enumerate(over):
+            name = entry.name or str(i)
+            if name in seen:
+                raise invalid(
+                    (i, "name"), f"{shorten(name)!r} is that of over[{seen[name]}] too: name both"
+                )
+            seen[name] = i
+        return over
 
     hash_defaults: ClassVar[dict[str, Any]] = {
         "critic": "own",
         "network": "mlp",
         "node_network": False,
         "optimizer": "adam",
+        **written_if_set,
     }

@@ -25,7 +25,8 @@ MULTI = [
 ]
 RANDOM = [name.replace("best", "random") for name in PAPER if name.startswith("best")]
 SEA = ["sea/array", "sea/bay", "sea/bay-tide", "sea/slope"]
-EXPECTED = [*PAPER, *MULTI, *RANDOM, *SEA]
+PRETRAINED = ["pretrained/fdd", "pretrained/tdd"]
+EXPECTED = [*PAPER, *MULTI, *PRETRAINED, *RANDOM, *SEA]
 
 
 def test_list_is_complete():

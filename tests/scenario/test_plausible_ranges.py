@@ -55,6 +55,8 @@ WHOLE = [
                 "maximum_source_level_db": 185.0,
             },
             "hearing": {"kind": "polling", "max_nodes_per_slot": 3},
+            "observation": "table",
+            "training.network": {"kind": "set", "heads": 1},
         },
     ),
     *(

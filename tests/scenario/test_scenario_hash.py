@@ -55,7 +55,7 @@ WORDS = (
     "sonar", "fdd", "tdd", "paper", "stored", "mean_age", "scaled", "none", "info",
     "observation", "constant", "linear", "tanh", "relu", "running", "first_rollout",
     "orthogonal", "interference", "exclusive", "six", "hover", "team", "difference",
-    "own", "central", "adam", "AdamW", "mean", "airtime", "packet_start", "bpsk",
+    "own", "central", "adam", "AdamW", "mean", "airtime", "packet_start", "bpsk", "gap",
 )  # fmt: skip
 #: Names, keys with a single possible value, and a kind that needs other keys beside it.
 LEFT_OUT = {
@@ -65,6 +65,7 @@ LEFT_OUT = {
     "grid.origin",
     "training.preset",
     "training.network",
+    "training.over",
     "nodes.kind",
     "harvester.kind",
     "uplink.kind",

@@ -50,7 +50,9 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", bundled_names())
 def test_bundled_scenarios_train_by_the_fast_preset(name):
-    assert load_scenario(name).training.preset == "fast"
+    """But for those that the pretrained policy was trained on."""
+    expected = "pretrain" if name.startswith("pretrained/") else "fast"
+    assert load_scenario(name).training.preset == expected
 
 
 @pytest.mark.parametrize(
@@ -105,9 +107,10 @@ def test_resolved_scenario_no_longer_needs_its_preset(folder):
     assert load_scenario(scenario) == scenario
 
 
-def test_preset_gives_every_setting_but_its_own_name_and_parts():
+def test_preset_gives_every_setting_but_its_own_name_parts_and_families():
     given = {line.partition(":")[0] for line in OWN.splitlines()}
-    assert given == set(Training.model_fields) - {"preset", "network", "optimizer"}
+    left_out = {"preset", "network", "optimizer", "over", "curriculum"}
+    assert given == set(Training.model_fields) - left_out
 
 
 @pytest.mark.parametrize(
@@ -159,7 +162,10 @@ def test_bad_preset(folder, text, expected):
     ("preset", "expected"),
     [
         ("fats", r"no training preset 'fats'; did you mean 'fast'\?"),
-        ("nowhere/x.yaml", r"no training preset 'nowhere/x.yaml' \(known: fast, paper\)"),
+        (
+            "nowhere/x.yaml",
+            r"no training preset 'nowhere/x.yaml' \(known: fast, fine-tune, paper, pretrain\)",
+        ),
         ("x" * 5000, "no training preset"),
         (3, "must be a word"),
         ([], "must be a word"),

@@ -33,6 +33,13 @@ VARIANTS = {
         "training.rollout_slots": 13,
         "training.minibatches": 3,
     },
+    "families of scenarios": {
+        "nodes": {"kind": "random", "count": 2},
+        "observation": {"kind": "table"},
+        "training.network": {"kind": "set", "width": 8, "blocks": 1, "critic_width": 8},
+        "training.curriculum": "gap",
+        "training.over": [{"vary": {"nodes.count": {"from": 1, "to": 4}, "auvs.count": [1, 2]}}],
+    },
 }
 
 
@@ -89,7 +96,7 @@ def under_torchrun(*words):
 
 @pytest.mark.parametrize(
     ("changes", "started"),
-    [*zip(VARIANTS.values(), (under_torchrun, side_by_side), strict=True)],
+    [*zip(VARIANTS.values(), (under_torchrun, side_by_side, under_torchrun), strict=True)],
     ids=list(VARIANTS),
 )
 def test_two_processes_learn_what_one_does(scenario_file, tiny, tmp_path, changes, started):

@@ -112,7 +112,9 @@ def test_losses_are_those_of_the_clipped_surrogate(tiny):
     data["log_probability"] += torch.from_numpy(rng.normal(0, 0.2, (1, samples))).float()
     data["returns"] = torch.from_numpy(rng.normal(0, 1, (1, samples))).float()
     raw = torch.from_numpy(rng.normal(3, 2, (1, samples))).float()
-    minibatches = trainer.minibatches.cut({**data, "advantage": raw}, torch.arange(samples)[None])
+    minibatches = trainer.turn.minibatches.cut(
+        {**data, "advantage": raw}, torch.arange(samples)[None]
+    )
     ((batch, counted),) = minibatches
     assert counted == samples
     with torch.no_grad():
@@ -162,7 +164,8 @@ def test_every_sample_is_learnt_from_once_an_epoch(tiny):
     trainer = Trainer(tiny({"training.minibatches": 3}))
     data = {"number": torch.arange(80)[None], "advantage": torch.zeros(1, 80)}
     epochs = [
-        list(trainer.minibatches.cut(data, order)) for order in trainer.minibatches.orders(20)
+        list(trainer.turn.minibatches.cut(data, order))
+        for order in trainer.turn.minibatches.orders(20)
     ]
     assert len(epochs) == trainer.settings.epochs > 1
     for epoch in epochs:

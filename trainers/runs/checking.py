@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -136,8 +137,10 @@ def _ranges(
     """What has to hold, by the name of what it is about."""
     settings, scenario = trainer.settings, trainer.scenarios[policy]
     steps, per_iteration = saved["env_steps"], trainer.steps_per_iteration
-    yield "env_steps", steps % per_iteration == 0
-    most = steps // per_iteration * settings.epochs * settings.minibatches
+    yield "env_steps", steps >= 0 and (bool(settings.over) or steps % per_iteration == 0)
+    # Rollouts of training.over are of any length: a step or more.
+    iterations = steps if settings.over else steps // per_iteration
+    most = iterations * settings.epochs * settings.minibatches
     yield "optimizer.steps", 0 <= saved["optimizer"]["steps"] <= most
     if "second" in saved["optimizer"]:
         yield "optimizer.second", bool((saved["optimizer"]["second"] >= 0).all())
@@ -148,17 +151,16 @@ def _ranges(
             yield f"network.{name}", bool((tensor > 0).all())
         elif name.endswith("count"):
             yield f"network.{name}", bool((tensor >= 0).all())
-    rng, own = saved["collector"]["layout_rng"], fresh["collector"]["layout_rng"]
-    name = "collector.layout_rng"
-    yield f"{name}.bit_generator", rng["bit_generator"] == own["bit_generator"]
-    for key in ("state", "inc"):
-        yield f"{name}.state.{key}", 0 <= rng["state"][key] < _STATES
-    yield f"{name}.has_uint32", rng["has_uint32"] in (0, 1)
-    yield f"{name}.uinteger", 0 <= rng["uinteger"] < _WORDS
+    yield from _rng_ranges("collector.layout_rng", saved["collector"]["layout_rng"])
+    if settings.over:
+        yield from _rng_ranges("over.rng", saved["over"]["rng"])
+        for i, gap in enumerate(saved["over"]["gaps"]):
+            yield f"over.gaps.{i}", -1 <= gap < math.inf
     state, world = saved["collector"]["state"], trainer.collector.world
     for name, tensor in state.items():
         yield f"collector.state.{name}", bool((tensor >= 0).all())
-    slots = steps // settings.environments
+    # What training.over draws is played in states of its own, from their beginning.
+    slots = 0 if settings.over else steps // settings.environments
     yield "collector.state.slot", bool((state["slot"] == slots % world.num_slots).all())
     yield "collector.state.age", bool((state["age"] <= scenario.age.maximum).all())
     most = slots * world.num_auvs
@@ -169,3 +171,13 @@ def _ranges(
     if not redraws_every_episode(scenario):
         placed = fresh["collector"]["state"]["node_cell"]
         yield "collector.state.node_cell", torch.equal(state["node_cell"], placed)
+
+
+def _rng_ranges(name: str, rng: dict[str, Any]) -> Iterator[tuple[str, bool]]:
+    """What has to hold of the state of a NumPy generator."""
+    like = np.random.default_rng(0).bit_generator.state
+    yield f"{name}.bit_generator", rng["bit_generator"] == like["bit_generator"]
+    for key in ("state", "inc"):
+        yield f"{name}.state.{key}", 0 <= rng["state"][key] < _STATES
+    yield f"{name}.has_uint32", rng["has_uint32"] in (0, 1)
+    yield f"{name}.uinteger", 0 <= rng["uinteger"] < _WORDS

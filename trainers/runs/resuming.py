@@ -60,7 +60,11 @@ def refuse_to_resume(
             )
     # A training ends with the rollout in which it reaches its steps.
     settings, taken = scenario.training, saved[0]["env_steps"]
-    if taken >= settings.steps + settings.environments * settings.rollout_slots:
+    # Rollouts of training.over may be longer.
+    if (
+        not settings.over
+        and taken >= settings.steps + settings.environments * settings.rollout_slots
+    ):
         raise InputError(
             f"{runs[0].path}: has taken {taken:,} steps already, more than the "
             f"{settings.steps:,} of training.steps; to continue, ask for more"

@@ -1,0 +1,106 @@
+"""What a number of scenarios have in common, and what lies outside of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, TypeAlias
+
+from iout_marl.scenario.schema import Scenario
+
+#: By dotted key: the least and the largest number, or all values that are none.
+Extent: TypeAlias = dict[str, dict[str, Any]]
+
+#: Sections that neither the world nor what can be done in it depends on.
+_NO_MATTER = ("name", "description", "allow_implausible", "observation", "training", "reward")
+#: Where things are, which `_figures` counts instead.
+_COUNTED = (
+    "nodes.cells",
+    "nodes.count",
+    "nodes.kind",
+    "nodes.redraw",
+    "nodes.weights",
+    "auvs.count",
+)
+_ALSO = ("auvs.start_cells", "episode.duration_s", "fairness.minimum_jain", "grid.origin")
+
+
+def _figures(scenario: Scenario) -> dict[str, Any]:
+    """What scenarios are compared by, by dotted key; of lists of numbers each by its place."""
+    found: dict[str, Any] = {
+        "nodes.count": scenario.num_nodes,
+        "auvs.count": scenario.num_auvs,
+        "episode.slots": scenario.num_slots,
+    }
+
+    def add(path: str, value: Any) -> None:
+        if isinstance(value, dict):
+            for key, each in value.items():
+                add(f"{path}.{key}" if path else key, each)
+        elif isinstance(value, list | tuple):
+            for i, each in enumerate(value):
+                add(f"{path}[{i}]", each)
+        else:
+            found.setdefault(path, value)
+
+    for section, value in scenario.model_dump().items():
+        if section in _NO_MATTER:
+            continue
+        kept = value
+        if isinstance(value, dict):
+            kept = {k: v for k, v in value.items() if f"{section}.{k}" not in (*_COUNTED, *_ALSO)}
+        add(section, kept)
+    weights = scenario.node_weights
+    found["nodes.weights"] = max(weights) / min(weights) if min(weights) > 0 else float("inf")
+    return found
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def extent_of(scenarios: Iterable[Scenario]) -> Extent:
+    """From where to where a number of scenarios reach."""
+    extent: Extent = {}
+    for scenario in scenarios:
+        for key, value in _figures(scenario).items():
+            known = extent.setdefault(key, {"values": []})
+            if _is_number(value):
+                known["from"] = min(known.get("from", value), value)
+                known["to"] = max(known.get("to", value), value)
+            elif value not in known["values"]:
+                known["values"].append(value)
+    return extent
+
+
+def outside(scenario: Scenario, extent: Extent) -> list[str]:
+    """In what a scenario lies outside, in words: `nodes.count 200 > 30`.
+
+    Of a part of another kind its settings are not told, too.
+    """
+    found: dict[str, str] = {}
+    for key, value in _figures(scenario).items():
+        known = extent.get(key)
+        if known is None:
+            if value is not None:
+                found[key] = f"{key} {value}, which it has not seen"
+        elif _is_number(value) and "from" in known:
+            if value < known["from"]:
+                found[key] = f"{key} {value:g} < {known['from']:g}"
+            elif value > known["to"]:
+                found[key] = f"{key} {value:g} > {known['to']:g}"
+        elif value not in known["values"]:
+            numbers = [f"{known['from']:g} to {known['to']:g}"] if "from" in known else []
+            others = [*numbers, *map(_word, known["values"])]
+            found[key] = f"{key} {_word(value)}, not {' or '.join(others)}"
+    others_of = tuple(f"{key.removesuffix('.kind')}." for key in found if _is_kind(scenario, key))
+    kept = [key for key in found if _is_kind(scenario, key) or not key.startswith(others_of)]
+    return [found[key] for key in kept]
+
+
+def _is_kind(scenario: Scenario, key: str) -> bool:
+    """Whether a key names the kind of a part, some of which are written as a word."""
+    return key.endswith(".kind") or isinstance(_figures(scenario)[key], str)
+
+
+def _word(value: Any) -> str:
+    return "none" if value is None else str(value)
