@@ -5,6 +5,7 @@
 # make reproduce  the paper's figures, tables and claims: a quarter of an hour on two cores
 # make site       the documentation site, in build/site: open build/site/index.html
 # make images     the pictures of README.md and docs/, made anew
+# make pretrained the weights of the policy that comes with the package: an hour on two cores
 # make bench      speed of environment and trainer, side by side with others: eight minutes
 # make campaigns  bad input, kills and random slots by the thousand: ten minutes on two cores
 # make integrations        other people's trainers, each in a virtual environment of its own
@@ -15,7 +16,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := runs/demo
 
-.PHONY: demo reproduce docs site images quick test lint types pytest coverage campaigns format bench integrations clean
+.PHONY: demo reproduce pretrained docs site images quick test lint types pytest coverage campaigns format bench integrations clean
 
 # Tests of a file, and so the fixtures that they share, stay together as long as both are busy.
 SPREAD := -n auto --dist worksteal
@@ -62,6 +63,16 @@ demo: $(RUNTIME)
 
 reproduce: $(EMISSIONS)
 	$(BIN)/iout reproduce
+
+# Both side by side; what was stopped goes on.
+PRETRAINED := runs/pretrained
+pretrained: $(RUNTIME)
+	@for mode in fdd tdd; do \
+		how=--out; test -e $(PRETRAINED)/$$mode/scenario.yaml && how=--resume; \
+		$(BIN)/iout train pretrained/$$mode $$how $(PRETRAINED)/$$mode & \
+		pids="$$pids $$!"; \
+	done; for pid in $$pids; do wait $$pid || exit; done
+	$(BIN)/python -m trainers.pretraining $(PRETRAINED)/fdd $(PRETRAINED)/tdd
 
 # Tables that the software makes of itself, and the pages of the committed results;
 # RESULTS=runs/paper, MULTI=runs/multi, GAP=runs/gap, FAIRNESS=runs/fairness, BAY=runs/bay,

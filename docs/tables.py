@@ -57,6 +57,26 @@ _OBSERVED = "observation entry"
 _KEY_HEADINGS = ("Key", "Unit", "Range", "Plausible", "Default", "Meaning")
 
 
+def pretrained_card() -> str:
+    """What the weights that come with the package were made of."""
+    from trainers.pretrained import load_modes
+
+    rows = [
+        (
+            f"`{name}`",
+            f"`pretrained/{name}`",
+            f"{sum(weights.numel() for weights in mode.weights.values()):,}",
+            f"{mode.about['env_steps']:,}",
+            f"{mode.about['seconds'] / 60:.0f} min",
+            mode.about["processor"],
+            f"`{mode.about['hash'][:12]}`",
+        )
+        for name, mode in load_modes().items()
+    ]
+    headings = ("Mode", "Scenario", "Weights", "Environment steps", "Time", "One core of", "Hash")
+    return page_of([table(headings, rows)])
+
+
 def metrics_table() -> str:
     """The built-in metrics."""
     headings = ("Metric", "Symbol", "Unit", "Better", "Range", "What it is", "TensorBoard")
@@ -240,6 +260,7 @@ TABLES: dict[str, tuple[Path, Callable[[], str]]] = {
     "scenario": (HERE / "scenario.md", scenario_reference),
     "steps": (HERE / "at-sea.md", steps_tables),
     "spaces": (HERE / "environment.md", spaces_tables),
+    "pretrained-card": (HERE / "pretrained.md", pretrained_card),
     "node-table": (HERE / "environment.md", node_table),
 }
 

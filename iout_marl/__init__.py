@@ -24,6 +24,7 @@ from iout_marl.world import World
 if TYPE_CHECKING:
     from iout_marl.bounds.bound import bound
     from trainers.ppo import Trainer
+    from trainers.pretrained import pretrained
     from trainers.training import train
 
 __version__ = "0.1.0"
@@ -32,7 +33,12 @@ register_gymnasium()
 register_pettingzoo()
 
 #: What is imported when it is first asked for: the trainer takes torch along.
-_LATER = {"Trainer": "trainers", "bound": "iout_marl.bounds", "train": "trainers"}
+_LATER = {
+    "Trainer": "trainers",
+    "bound": "iout_marl.bounds",
+    "pretrained": "trainers.pretrained",
+    "train": "trainers",
+}
 
 __all__ = [
     "Evaluation",
@@ -50,6 +56,7 @@ __all__ = [
     "load_policy",
     "load_scenario",
     "make_baseline",
+    "pretrained",
     "record",
     "record_episode",
     "record_policy",

@@ -189,6 +189,24 @@ def evaluate_command(
             "most probable.",
         ),
     ] = False,
+    best_of: Annotated[
+        int,
+        typer.Option(
+            "--best-of",
+            metavar="N",
+            parser=whole(1, 10_000),
+            help="Trained policies play every episode ahead N times, all but once with drawn "
+            "actions, and then play the best.",
+        ),
+    ] = 1,
+    mirrored: Annotated[
+        bool,
+        typer.Option(
+            "--mirrored",
+            help="Trained policies also play every episode ahead in the mirror images of the "
+            "world, and then play the best.",
+        ),
+    ] = False,
     transfer: Annotated[
         bool,
         typer.Option(
@@ -222,6 +240,8 @@ def evaluate_command(
         transfer=transfer,
         sampled=sampled,
         breakdown=nodes,
+        best_of=best_of,
+        mirrored=mirrored,
         keep_episode=save_episode is not None,
     )
     say_outlook(loaded)

@@ -7,8 +7,8 @@ from pathlib import Path
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.files import refuse_input
-from iout_marl.policies import DEFAULT_BUDGET, Budget, PlannerPolicy, Policy
-from iout_marl.policies.loading import is_run, load_run, members, named_policy
+from iout_marl.policies import DEFAULT_BUDGET, BestOf, Budget, PlannerPolicy, Policy
+from iout_marl.policies.loading import is_run, is_trained, load_run, members, named_policy
 from iout_marl.replay import Recording
 from iout_marl.replay.recorder import FirstEpisode, record_player
 from iout_marl.scenario import Scenario
@@ -78,6 +78,8 @@ def evaluate_all(
     transfer: bool,
     sampled: bool,
     breakdown: bool,
+    best_of: int = 1,
+    mirrored: bool = False,
     keep_episode: bool = False,
 ) -> tuple[list[Evaluation], str, FirstEpisode | None]:
     """Run policies by what `load_policy` takes.
@@ -92,6 +94,8 @@ def evaluate_all(
         budget: what the planner spends; None for the usual.
         sampled: draw trained policies' actions rather than take the most probable.
         breakdown: also tell each node and each AUV apart.
+        best_of: how many episodes trained policies play ahead, to play the best of them.
+        mirrored: as well in the mirror images of the world.
         keep_episode: record the first episode of the policy, of which there must be one.
 
     Returns:
@@ -101,8 +105,13 @@ def evaluate_all(
         InputError: one is neither, or does not fit the scenario.
     """
     runs = [name for name in names if is_run(name)]
-    if sampled and not runs:
-        raise InputError("--sampled: none of the policies is a trained one, by the folder of a run")
+    if sampled and not any(map(is_trained, names)):
+        raise InputError("--sampled: none of the policies is a trained one")
+    ahead = "--best-of" if best_of > 1 else "--mirrored" if mirrored else None
+    if ahead and not any(map(is_trained, names)):
+        raise InputError(f"{ahead}: none of the policies is a trained one")
+    if ahead and sampled:
+        raise InputError(f"{ahead}: draws what it needs itself; leave out --sampled")
     if keep_episode and len(names) != 1:
         raise InputError(f"--save-episode: keeps that of one --policy, not of {len(names)}")
     layout = with_layout_of_runs(scenario, [*names, *starts], transfer=transfer)
@@ -115,6 +124,16 @@ def evaluate_all(
     if planner is not None:
         players = [
             (own, planner if name == "planner" else player)
+            for name, (own, player) in zip(names, players, strict=True)
+        ]
+    if ahead:
+        players = [
+            (
+                own,
+                BestOf(player, best_of, mirrored=mirrored, seed=seed)
+                if is_trained(name)
+                else player,
+            )
             for name, (own, player) in zip(names, players, strict=True)
         ]
     first_episode = FirstEpisode(names[0], seed) if keep_episode else None
@@ -139,8 +158,8 @@ def record_named(
     Raises:
         InputError: one is no policy, or does not fit the scenario.
     """
-    if sampled and not any(map(is_run, names)):
-        raise InputError("--sampled: none of the policies is a trained one, by the folder of a run")
+    if sampled and not any(map(is_trained, names)):
+        raise InputError("--sampled: none of the policies is a trained one")
     layout = with_layout_of_runs(scenario, names, transfer=transfer)
     players = _players(scenario, layout, names, seed, transfer=transfer, sampled=sampled)
     return [

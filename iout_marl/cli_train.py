@@ -73,6 +73,14 @@ def train(
             help="Policies side by side, from seeds SEED, SEED + 1, … [1].",
         ),
     ] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="START",
+            help="Begin with the weights of: pretrained, or a RUN whose network is a set.",
+        ),
+    ] = None,
     overrides: Overrides = None,
     imports: Imports = None,
     *,
@@ -114,7 +122,8 @@ def train(
     folder = resume or out or Path("runs") / f"{name}-{seeds}"
     with trainers.started_group(trainers.find_device(device)) as (group, own_device):
         outcome = trainers.train(
-            loaded,
+            # Its preset gives way to that of fine-tuning where the file itself says nothing.
+            loaded if start is None else scenario,
             folder,
             seed,
             own_device,
@@ -122,19 +131,28 @@ def train(
             replicas=replicas,
             group=group,
             use_graphs=graphs,
+            overrides=None if start is None else settings,
+            start=start,
         )
     if group.rank == 0:
         say_outlook(loaded)
-        _report(outcome, folder, scenario, settings, graphs=graphs)
+        _report(outcome, folder, scenario, settings, start=start, graphs=graphs)
     if outcome.signal is not None:
         raise typer.Exit(128 + outcome.signal)
 
 
 def _report(
-    outcome: TrainingOutcome, run: Path, scenario: str, settings: list[str], *, graphs: bool
+    outcome: TrainingOutcome,
+    run: Path,
+    scenario: str,
+    settings: list[str],
+    *,
+    start: str | None,
+    graphs: bool,
 ) -> None:
     if not outcome.finished:
         words = ["iout", "train", scenario, "--resume", str(run), *import_words()]
+        words += ["--from", start] if start else []
         words += [] if graphs else ["--no-graphs"]
         words += [word for setting in settings for word in ("--set", setting)]
         # The status says that it was stopped, even where nobody can be told so.

@@ -68,6 +68,7 @@ LATE = {
     ("iout_marl.testing.training", "trainers"),
     ("iout_marl.policies.loading", "trainers"),
     ("iout_marl.policies.loading", "trainers.runs.loading"),
+    ("iout_marl.policies.named", "trainers.pretrained"),
 }
 
 

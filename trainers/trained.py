@@ -14,6 +14,7 @@ from iout_marl.policies.forms import Sizes, read_question
 from iout_marl.policies.predicting import asked_in, episodes_of, rows_of
 from iout_marl.world import State, World
 from trainers.networks import ActorCritic
+from trainers.sizing import SizedNetworks
 
 
 class TrainedPolicy(BasePolicy):
@@ -27,6 +28,8 @@ class TrainedPolicy(BasePolicy):
             probable ones.
         num_auvs: of the fleet, for `predict`: how many observations are joined end to end; None
             for any number.
+        observation: settings of the node table that the networks see; they then play in worlds
+            of any size.
     """
 
     def __init__(
@@ -37,12 +40,14 @@ class TrainedPolicy(BasePolicy):
         use_mask: bool = False,
         sampled: bool = False,
         num_auvs: int | None = None,
+        observation: dict[str, Any] | None = None,
     ) -> None:
         self.network = network
         self.name = name
         self.use_mask = use_mask
         self.sampled = sampled
         self._num_auvs = num_auvs
+        self._sized = None if network.layout is None else SizedNetworks(network, observation)
 
     @property
     def is_deterministic(self) -> bool:
@@ -56,7 +61,10 @@ class TrainedPolicy(BasePolicy):
             InputError: the networks have come to numbers that are not finite.
         """
         mask = world.action_mask(state) if self.use_mask else None
-        return self._choose(world.observe(state), mask, rng)
+        if self._sized is None:
+            return self._choose(self.network, world.observe(state), mask, rng)
+        network, observer = self._sized.in_world(world)
+        return self._choose(network, observer.observe(state), mask, rng)
 
     def predict(
         self,
@@ -78,10 +86,11 @@ class TrainedPolicy(BasePolicy):
             InputError: observations of another form or size; or the policy was trained with
                 masks, and there is none.
         """
+        if self._sized is not None and env is not None:
+            # In environments of any size, by the state.
+            return super().predict(observation, mask, env=env, rng=rng)
         episodes = None if env is None else episodes_of(env)
-        sizes = Sizes(
-            self.network.scaler.shift.shape[-1], self.network.action_sizes, self._num_auvs
-        )
+        sizes = Sizes(self.network.observation_entries, self.network.action_sizes, self._num_auvs)
         question = read_question(observation, mask, sizes, self.name)
         masks = question.masks if self.use_mask else None
         if self.use_mask and masks is None:
@@ -100,25 +109,32 @@ class TrainedPolicy(BasePolicy):
             rng = rng or asked_in(episodes).streams
         rows = question.rows.reshape(*leading, sizes.observation)
         masks = masks if masks is None else masks.reshape(*leading, sum(sizes.action))
-        actions = self._choose(rows, masks, rng or np.random.default_rng())
+        actions = self._choose(self.network, rows, masks, rng or np.random.default_rng())
         return question.answer(actions.reshape(-1, len(sizes.action)))
 
     @torch.no_grad()
     def _choose(
-        self, observation: Any, mask: npt.NDArray[np.bool_] | None, rng: np.random.Generator
+        self,
+        network: ActorCritic,
+        observation: Any,
+        mask: npt.NDArray[np.bool_] | None,
+        rng: np.random.Generator,
     ) -> Actions:
         """(…, entries) actions for (…, entries) observations and (…, choices) masks."""
-        device = self.network.scaler.shift.device
+        device = network.scaler.shift.device
         seen = torch.as_tensor(observation, dtype=torch.float32, device=device)
         allowed = None if mask is None else torch.as_tensor(mask, device=device)
-        logits = self.network.logits(self.network.scaler(seen), allowed)
-        if not logits.isfinite().all():
+        inputs = network.scaler(seen)
+        if self.sampled:
+            shape = (*inputs.shape[:-1], len(network.action_sizes))
+            noise = torch.as_tensor(1 - rng.random(shape, dtype=np.float32), device=device)
+            action, found = network.act(inputs, allowed, noise)
+        else:
+            found = network.logits(inputs, allowed)
+            action = network.greedy_action(found)
+        if not found.isfinite().all():
             raise InputError(
                 f"{self.name}: its weights lead to numbers that are not finite: they are damaged, "
                 "or of a training that diverged"
             )
-        if not self.sampled:
-            return self.network.greedy_action(logits).cpu().numpy()
-        noise = 1 - rng.random(logits.shape[:-1], dtype=np.float32)
-        action, _ = self.network.sample(logits, torch.as_tensor(noise, device=device))
         return action.cpu().numpy()

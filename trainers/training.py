@@ -29,6 +29,7 @@ from trainers.runs import saving
 from trainers.runs.folder import RunFolder
 from trainers.runs.preparing import make_new, new_runs, refuse_to_begin, take_over
 from trainers.runs.resuming import is_complete, refuse_to_resume, resumed, runs_in
+from trainers.starting import started_from
 from trainers.training_run import TrainingRun
 
 
@@ -41,7 +42,7 @@ class TrainingOutcome:
         evaluations: by most probable actions; none where it was stopped, or of another process.
         signal: the number of the signal that stopped it.
         sampled_aoi: mean AoI of each policy in its last rollout with the end of an episode, where
-            actions are sampled; None where this process has seen none.
+            actions are sampled; None where this process has seen none, and with `training.over`.
         was_complete: whether a resumed run had nothing left to train.
     """
 
@@ -101,6 +102,7 @@ def train(
     use_graphs: bool = True,
     overrides: Overrides = None,
     network: str | dict[str, Any] | None = None,
+    start: str | None = None,
     callbacks: Sequence[Callback] = (),
 ) -> TrainingOutcome:
     """Train a policy, or several side by side, and evaluate at the end.
@@ -124,6 +126,7 @@ def train(
         overrides: changes of the scenario, as for `load_scenario`.
         network: in place of `training.network`: the kind of a registered one, or a mapping with
             it and its settings.
+        start: what the weights begin with, see `BaseTrainer`.
         callbacks: what is called beside the log, the progress bar and the writer of checkpoints.
 
     Raises:
@@ -135,7 +138,10 @@ def train(
             CUDA graphs.
     """
     started = time.perf_counter()
-    scenario = load_for_training(scenario, overrides, network)
+    if start is None:
+        scenario = load_for_training(scenario, overrides, network)
+    else:
+        scenario, _ = started_from(start, scenario, overrides)
     _check_callbacks(callbacks)
     out = user_path(out, "out")
     console, group = console or progress_console(), group or ProcessGroup()
@@ -154,7 +160,9 @@ def train(
             else:
                 runs = new_runs(out, seed, replicas)
                 refuse_to_begin(out, runs, group)
-                trainer = Trainer(scenario, seed, device, replicas, group, use_graphs=use_graphs)
+                trainer = Trainer(
+                    *(scenario, seed, device, replicas, group), use_graphs=use_graphs, start=start
+                )
                 make_new(out, runs, trainer.scenarios, group, held)
         signals = held.enter_context(StopSignals(catch=catch_signals))
         if resume and group.rank == 0:
@@ -201,7 +209,8 @@ def _check_callbacks(callbacks: Any) -> None:
 
 def _say_how_far(trainer: Trainer, console: Console) -> None:
     steps, each = trainer.settings.steps, trainer.steps_per_iteration
-    if trainer.runtime.group.rank == 0 and steps % each:
+    is_exact = not trainer.settings.over  # whose rollouts differ
+    if trainer.runtime.group.rank == 0 and steps % each and is_exact:
         tell(
             console,
             f"training.steps {steps:,}: {-(-steps // each) * each:,} are trained, whole rollouts "

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.outside import import_named
-from iout_marl.policies.named import POLICIES, make_baseline
+from iout_marl.policies.named import POLICIES, PRETRAINED, make_baseline
 from iout_marl.policies.policy import Policy
 from iout_marl.policies.predicting import AskedPolicy, BasePolicy, ObservationPolicy
 from iout_marl.scenario import Scenario
@@ -52,10 +52,10 @@ def load_policy(
         InputError: there is no such policy, or it cannot be imported or read.
     """
     name = _name_of(source)
+    if sampled and not is_trained(name):
+        raise InputError(f"sampled: {name} is no trained policy")
     if not is_run(name):
-        if sampled:
-            raise InputError(f"sampled: {name} is no trained policy, by the folder of a run")
-        return _untrained(name, "policy")
+        return _untrained(name, "policy", sampled=sampled)
     _refuse_several(name, "policy")
     from trainers import RunFolder
 
@@ -101,7 +101,7 @@ def named_policy(
         sampled: as for `load_policy`; without effect on others.
     """
     if not is_run(name):
-        return pin_layout(scenario, seed), _untrained(name, option)
+        return pin_layout(scenario, seed), _untrained(name, option, sampled=sampled)
     _refuse_several(name, option)
     run, own = load_run(scenario, name, transfer=transfer)
     trained = run.load_policy()
@@ -131,6 +131,11 @@ def as_policy(policy: Any) -> BasePolicy:
 def is_run(name: str) -> bool:
     """Whether a name means a run: it is a folder, and no baseline."""
     return name not in POLICIES and os.path.isdir(name)  # noqa: PTH112 (never raises)
+
+
+def is_trained(name: str) -> bool:
+    """Whether a name means a policy that can draw its actions: a run, or the one of the package."""
+    return name == PRETRAINED or is_run(name)
 
 
 def members(folder: Path) -> list[Path]:
@@ -169,10 +174,13 @@ def _name_of(source: Any) -> str:
         return name
 
 
-def _untrained(name: str, option: str) -> BasePolicy:
+def _untrained(name: str, option: str, *, sampled: bool) -> BasePolicy:
     where = f"{option} {name or shlex.quote(name)}"
     if name in POLICIES:
-        return make_baseline(name)
+        known = make_baseline(name)
+        if is_trained(name):
+            known.sampled = sampled  # type: ignore[attr-defined]
+        return known
     if ":" not in name:
         raise InputError(f"{where}: {_what_else(name)}")
     try:

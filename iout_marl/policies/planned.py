@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -10,8 +11,10 @@ import numpy as np
 from iout_marl.errors import warn_once
 from iout_marl.policies.policy import Actions, Policy
 from iout_marl.policies.predicting import BasePolicy
+from iout_marl.policies.rehearsal import Rehearsal
 from iout_marl.policies.search import DEFAULT_BUDGET, Budget, Planner
 from iout_marl.policies.simulator import Plan
+from iout_marl.scenario import Scenario
 from iout_marl.world import State, World
 
 #: What should be known of plans where slots are left to chance.
@@ -19,6 +22,10 @@ _BY_THE_EXPECTED = (
     "tour and planner plan for the median sea and expected deliveries, and are then played in the "
     "sea as it is drawn, without planning anew"
 )
+
+
+class _MakesPlans(Protocol):
+    def plan(self, state: State, budget: Budget, warm: Sequence[Policy], /) -> Plan: ...
 
 
 class _Planned(BasePolicy):
@@ -31,7 +38,7 @@ class _Planned(BasePolicy):
 
     #: What a search leaves to chance, a seed of its own decides.
     is_deterministic = True
-    searches: bool
+    searches: bool = False
 
     def __init__(
         self, budget: Budget = DEFAULT_BUDGET, *, warm: Sequence[Policy] = (), seed: int = 0
@@ -39,15 +46,14 @@ class _Planned(BasePolicy):
         self._budget = budget
         self._warm = tuple(warm)
         self._seed = seed
-        self._known: WeakKeyDictionary[World, tuple[Planner, list[Plan | None]]]
+        self._known: WeakKeyDictionary[World, tuple[_MakesPlans, list[Plan | None]]]
         self._known = WeakKeyDictionary()
 
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:  # noqa: ARG002
         if world.chance:
             warn_once(_BY_THE_EXPECTED)
         if world not in self._known:
-            planner = Planner(world.scenario, searches=self.searches, seed=self._seed)
-            self._known[world] = planner, [None] * world.num_envs
+            self._known[world] = self._planner(world.scenario), [None] * world.num_envs
         planner, plans = self._known[world]
         slots: list[int] = []
         fresh: dict[bytes, tuple[State, list[int]]] = {}
@@ -67,6 +73,9 @@ class _Planned(BasePolicy):
             [plan.actions[slot] for plan, slot in zip(plans, slots, strict=True) if plan]
         )
 
+    def _planner(self, scenario: Scenario) -> _MakesPlans:
+        return Planner(scenario, searches=self.searches, seed=self._seed)
+
 
 class Tour(_Planned):
     """Every AUV goes round its share of the nodes, charging and hearing by a fixed rule.
@@ -75,7 +84,6 @@ class Tour(_Planned):
     """
 
     name = "tour"
-    searches = False
 
     def __init__(self) -> None:
         super().__init__()
@@ -95,6 +103,35 @@ class PlannerPolicy(_Planned):
 
     name = "planner"
     searches = True
+
+
+class BestOf(_Planned):
+    """The best of several episodes that a trained policy plays ahead, from the same state.
+
+    In the first it takes the most probable actions, in the others it draws them. The best is the
+    one of the lowest mean AoI.
+
+    Args:
+        policy: has an attribute `sampled`: whether it draws its actions.
+        episodes: how many are played ahead, at least 1.
+        mirrored: play ahead in the seven other mirror images of the world, too, by the most
+            probable actions.
+        seed: of what is drawn.
+    """
+
+    def __init__(
+        self, policy: Policy, episodes: int = 1, *, mirrored: bool = False, seed: int = 0
+    ) -> None:
+        super().__init__(seed=seed)
+        ways = [f"best of {episodes}"] * (episodes > 1) + ["mirrored"] * mirrored
+        self.name = ", ".join([policy.name, *ways])
+        self._policy = policy
+        self._episodes, self._mirrored = episodes, mirrored
+
+    def _planner(self, scenario: Scenario) -> _MakesPlans:
+        return Rehearsal(
+            scenario, self._policy, self._episodes, mirrored=self._mirrored, seed=self._seed
+        )
 
 
 def _foreseen(plan: Plan | None, state: State, *, by_time: bool) -> int | None:

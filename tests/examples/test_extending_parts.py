@@ -65,3 +65,10 @@ def test_placement(table):
 def test_the_page_names_every_example():
     page = (EXTENDING / "README.md").read_text()
     assert all(f"`{path.name}`" in page for path in EXTENDING.glob("*.py"))
+
+
+def test_node_table_network(table):
+    """What it has learnt with five nodes serves it with ten."""
+    found = table("node_table_network")
+    for k in (0, 1):
+        assert found["network"][k] < 0.75 * found["greedy"][k] < found["random-walk"][k]

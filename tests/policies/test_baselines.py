@@ -58,7 +58,7 @@ class TestEveryBaseline:
 
 def test_names_are_those_of_the_table():
     assert list(BASELINES) == ["random-walk", "round-robin", "greedy", "tour"]
-    assert list(POLICIES) == ["return", *BASELINES, "planner"]
+    assert list(POLICIES) == ["return", "pretrained", *BASELINES, "planner"]
     assert all(make_baseline(name).name == name for name in POLICIES)
 
 

@@ -256,7 +256,11 @@ class RunFolder:
         network.load_state_dict(weights)
         network.to(device).eval()
         return TrainedPolicy(
-            network, str(self.path), use_mask=shape["mask_actions"], num_auvs=world.num_auvs
+            network,
+            str(self.path),
+            use_mask=shape["mask_actions"],
+            num_auvs=world.num_auvs,
+            observation=scenario.observation.model_dump() if network.layout else None,
         )
 
     def _files(self) -> dict[str, bytes]:

@@ -8,6 +8,7 @@ from typing import Any
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario
 from trainers.runs.folder import RunFolder
+from trainers.sizing import with_table
 
 
 def differences(first: Scenario, second: Scenario) -> list[str]:
@@ -44,10 +45,11 @@ def _interface(scenario: Scenario) -> dict[str, tuple[Any, Any]]:
         "auvs.idle_choices": same(scenario.auvs.idle_choices),
         "auvs.motion": (tuple(map(tuple, motion.part.steps)), motion.kind),
         "observation.kind": same(seen.kind),
-        "observation.node_positions": same(seen.node_positions),
-        "observation.time": same(seen.time),
-        "observation.other_auvs": same(seen.other_auvs and several),
-        "observation.agent_index": same(seen.agent_index),
+        # Tables have no such settings.
+        "observation.node_positions": same(getattr(seen, "node_positions", None)),
+        "observation.time": same(getattr(seen, "time", None)),
+        "observation.other_auvs": same(getattr(seen, "other_auvs", None) and several),
+        "observation.agent_index": same(getattr(seen, "agent_index", None)),
         "observation.view_range_m": same("null" if seen.view_range_m is None else "a range"),
         "observation.entries": same([entry.model_dump() for entry in seen.entries]),
     }
@@ -73,11 +75,20 @@ def load_run(run: Path, scenario: Scenario, *, transfer: bool) -> tuple[RunFolde
         raise InputError(f"{run}: its policy is of another scenario than scenario.yaml beside it")
     if scenario.world_hash in (shape["world_hash"], shape["source_world_hash"]):
         return folder, scenario.model_copy(update={"nodes": own.nodes})
+    any_size = own.observation.part.is_table and own.training.network.kind == "set"
+    if any_size:
+        # It sees any scenario as the table that it was trained on.
+        seen = with_table(scenario, own.observation.model_dump())
+        if seen.world_hash in (shape["world_hash"], shape["source_world_hash"]):
+            return folder, scenario.model_copy(update={"nodes": own.nodes})
     given = _interface(scenario)
+    needed = _interface(own)
+    if any_size:
+        needed = {"duplex.kind": needed["duplex.kind"]}
     misfits = [
         f"{key} {shown}, not {given[key][1]}"
-        for key, (needed, shown) in _interface(own).items()
-        if needed != given[key][0]
+        for key, (value, shown) in needed.items()
+        if value != given[key][0]
     ]
     if misfits:
         raise InputError(

@@ -1,0 +1,159 @@
+"""The policy that plays any network of nodes: its weights come with the package.
+
+They lie in `trainers/weights/pretrained.safetensors`, those for each kind of duplex operation under
+its name. The metadata of that file say of each what it was trained on, by which scenario. How
+they are made: `make pretrained`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors
+import safetensors.torch
+from torch import Tensor
+
+from iout_marl.errors import InputError, warn_once
+from iout_marl.policies import Actions, BasePolicy
+from iout_marl.scenario import Scenario
+from iout_marl.scenario.extent import Extent, outside
+from iout_marl.scenario.loading import parse_scenario
+from iout_marl.world import State, World
+from trainers.factory import make_network
+from trainers.networks import ActorCritic
+from trainers.runs.checking import check_like
+from trainers.runs.folder import readable
+from trainers.trained import TrainedPolicy
+
+#: Of the file of weights; others are refused.
+FORMAT = 1
+WEIGHTS = Path(__file__).with_name("weights") / "pretrained.safetensors"
+#: Kinds of duplex operation by how many nodes an AUV names: one to charge and one to hear, or one.
+MODES = {2: "fdd", 1: "tdd"}
+#: Differences from the training that a note names.
+_NAMED = 5
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Weights for one kind of duplex operation.
+
+    Attributes:
+        scenario: what they were trained on.
+        weights: the `state_dict` of actor and critic.
+        extent: from where to where the scenarios of the training reach.
+        about: environment steps, seconds, machine and so on, of the training.
+    """
+
+    scenario: Scenario
+    weights: dict[str, Tensor]
+    extent: Extent
+    about: dict[str, Any]
+
+    def network(self) -> ActorCritic:
+        """The networks, of the sizes of `scenario`."""
+        world = World(self.scenario)
+        return make_network(world.observer, world.action_sizes, self.scenario.training)
+
+
+@cache
+def load_modes(path: Path = WEIGHTS) -> Mapping[str, Mode]:
+    """What a file of weights holds, by kind of duplex operation.
+
+    Raises:
+        InputError: it cannot be read, is of another version, or damaged.
+    """
+    with readable(path), safetensors.safe_open(path, "pt") as file:
+        metadata = file.metadata() or {}
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    if metadata.get("format") != str(FORMAT):
+        raise InputError(
+            f"{path}: is of another version of this software: format {metadata.get('format')}, "
+            f"not {FORMAT}"
+        )
+    modes = {}
+    for name in MODES.values():
+        if name not in metadata:
+            continue
+        with readable(path):
+            about = json.loads(metadata[name])
+            scenario = parse_scenario(path, about.pop("scenario").encode())
+            extent = about.pop("extent")
+        prefix = f"{name}."
+        weights = {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+        mode = Mode(scenario, weights, extent, about)
+        check_like(path, weights, mode.network().state_dict())
+        modes[name] = mode
+    return modes
+
+
+class Pretrained(BasePolicy):
+    """Plays any scenario by weights that were trained on many, none of which it need be.
+
+    Args:
+        sampled: draw actions from the policy rather than take the most probable ones.
+        path: file of the weights.
+    """
+
+    name = "pretrained"
+
+    def __init__(self, *, sampled: bool = False, path: Path = WEIGHTS) -> None:
+        self.sampled = sampled
+        self._modes = load_modes(path)
+        self._policies: dict[str, TrainedPolicy] = {}
+
+    @property
+    def is_deterministic(self) -> bool:
+        """Whether it leaves nothing to chance."""
+        return not self.sampled
+
+    def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:
+        """See `iout_marl.policies.Policy`.
+
+        Raises:
+            InputError: there are no weights for actions like those of the scenario.
+        """
+        return self._policy_for(world.scenario).act(world, state, rng)
+
+    def _policy_for(self, scenario: Scenario) -> TrainedPolicy:
+        name = MODES.get(scenario.duplex.part.num_choices, "")
+        if name not in self._modes:
+            raise InputError(
+                f"{self.name}: has no weights for duplex.kind {scenario.duplex.kind}, whose "
+                f"actions name {scenario.duplex.part.num_choices} nodes"
+            )
+        if name not in self._policies:
+            mode = self._modes[name]
+            network = mode.network()
+            network.load_state_dict(mode.weights)
+            self._policies[name] = TrainedPolicy(network.eval(), self.name, use_mask=True)
+        self._tell_of(scenario, self._modes[name])
+        policy = self._policies[name]
+        policy.sampled = self.sampled
+        return policy
+
+    def _tell_of(self, scenario: Scenario, mode: Mode) -> None:
+        """Name what the weights have not been trained on, if anything."""
+        differences = outside(scenario, mode.extent)
+        if differences:
+            others = len(differences) - _NAMED
+            more = f"; and {others} more" if others > 0 else ""
+            warn_once(
+                f"{self.name}: {scenario.name} is outside what it was trained on, which makes what "
+                f"it does a guess: {'; '.join(differences[:_NAMED])}{more}"
+            )
+
+
+def pretrained(*, sampled: bool = False) -> Pretrained:
+    """The policy that comes with the package, for any scenario.
+
+    Args:
+        sampled: draw actions from the policy rather than take the most probable ones.
+    """
+    return Pretrained(sampled=sampled)
