@@ -467,8 +467,11 @@ class Oracle:
 
         E_harv(β) − E_req(β) is concave in β. Of two roots the smaller one counts.
         """
+        return self.splitting_at(self.distance_m(auv, node), self.energy_j[node])
+
+    def splitting_at(self, d: float, stored: float) -> float:
+        """`splitting` of a node that is d away and has so much stored."""
         duplex, tau = self.scenario.duplex, self.scenario.slot_s
-        d, stored = self.distance_m(auv, node), self.energy_j[node]
         low, high = duplex.beta_min, duplex.beta_max
         if duplex.beta_rule.kind == "airtime":
             beta = min(1 - self.sound.modem_s(d) / tau, high)

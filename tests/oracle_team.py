@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from oracle_tables import Table
+
 if TYPE_CHECKING:
     from oracle import Oracle
 
@@ -44,6 +46,11 @@ class Notebook:
         """Eq. `state space` of this AUV, and what the scenario appends to it."""
         oracle, settings = self.oracle, self.oracle.scenario.observation
         own, limited = oracle.auv_cells[self.auv], settings.view_range_m is not None
+        if settings.kind == "table":
+            known = self.seen_age, self.seen_energy_j
+            age, energy_j = known if limited else (oracle.age, oracle.energy_j)
+            slots = [(oracle.slot - s) / oracle.scenario.num_slots for s in self.seen_slot]
+            return Table(oracle, self.auv, age, energy_j).flat(slots if limited else None)
         seen = self._position(own)
         seen += [self._age(age) for age in (self.seen_age if limited else oracle.age)]
         energies_j = self.seen_energy_j if limited else oracle.energy_j

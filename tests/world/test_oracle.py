@@ -233,6 +233,12 @@ CASES = {
         {"reward.no_able_node_penalty": 1.0, "reward.wrong_node_penalty": 8.0, **TWO_AUVS},
     ),
     "two-auvs-tdd": Case("paper/k3-tdd", TDD | SHARED, TWO_AUVS),
+    "table": Case("paper/k5-fdd", FDD, {"observation": "table"}),
+    "table-of-a-team": Case(
+        "best/k5-tdd",
+        TDD | SHARED | {"least charging"},
+        {"observation": {"kind": "table", "view_range_m": 300}, **THREE_AUVS},
+    ),
     "two-of-three-starts": Case("paper/k5-fdd", FDD | SHARED, {**THREE_AUVS, "auvs.count": 2}),
     "spread-starts-and-hover": Case(
         "paper/k5-fdd", FDD | SHARED, {"auvs.count": 4, "auvs.motion": "hover"}
