@@ -61,12 +61,12 @@ def test_joint_environment_is_the_parallel_one_taken_together(case):
 
     def agree(observation, info, observations, infos):
         agents = list(observations)
-        vectors = [observations[a]["observation"] if masked else observations[a] for a in agents]
-        vector = observation["observation"] if masked else observation
-        np.testing.assert_array_equal(vector, np.concatenate(vectors))
-        if masked:
-            masks = [observations[a]["action_mask"] for a in agents]
-            np.testing.assert_array_equal(observation["action_mask"], np.concatenate(masks))
+        named = [observations[a] for a in agents]
+        if not isinstance(observation, dict):
+            observation, named = {"": observation}, [{"": each} for each in named]
+        assert masked == ("action_mask" in observation)
+        for name, array in observation.items():
+            np.testing.assert_array_equal(array, np.concatenate([each[name] for each in named]))
         assert set(info) == set(infos["auv_0"])
         for name, value in info.items():
             parts = [infos[a][name] for a in agents]

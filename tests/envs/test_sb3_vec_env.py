@@ -22,6 +22,8 @@ each_fleet = pytest.mark.parametrize("auvs", STARTS)
 
 @pytest.mark.slow
 @each_case
+# What it says of node tables, which it flattens.
+@pytest.mark.filterwarnings("ignore:Your observation .* has an unconventional shape")
 def test_joint_environment_passes_sb3s_checker(case):
     check_env(AUVEnv(case_scenario(case)))
 

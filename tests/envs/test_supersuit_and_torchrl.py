@@ -53,6 +53,8 @@ def play(vec_env, slots, seed=0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
+# What it says of node tables, which it flattens.
+@pytest.mark.filterwarnings("ignore:Your observation .* has an unconventional shape")
 def test_joint_environment_passes_sb3s_checker(case):
     check_env(AUVEnv(case_scenario(case)))
 

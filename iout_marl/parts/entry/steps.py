@@ -36,8 +36,11 @@ class StepsTo(Entry):
 
 
 def by_column(size: int, bounds: list[tuple[float, float]]) -> Ranges:
-    """Ranges of so many numbers, in columns of these least and largest ones."""
-    low, high = (
-        np.repeat([float(pair[i]) for pair in bounds], size // len(bounds)) for i in (0, 1)
-    )
+    """Ranges of so many numbers, in columns of these least and largest ones.
+
+    Of numbers that never change the largest is 1 more: spaces have some room in them.
+    """
+    times = size // len(bounds)
+    low = np.repeat([float(least) for least, _ in bounds], times)
+    high = np.repeat([float(most if most > least else least + 1) for least, most in bounds], times)
     return Ranges(low, high, np.ones(size))
