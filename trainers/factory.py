@@ -41,7 +41,7 @@ def make_network(
         actor,
         critic,
         None if privileged is None else _scaler(privileged, settings),
-        observer.node_entries if settings.node_network else None,
+        observer.node_entries if settings.node_network and observer.layout is None else None,
         settings.activation,
     )
 

@@ -23,7 +23,7 @@ def with_table(scenario: Scenario, observation: dict[str, Any] | None = None) ->
     """
     seen = {**(observation or TABLE), "view_range_m": scenario.observation.view_range_m}
     # Networks are no matter to worlds, but might not go together with tables.
-    plain: dict[str, Any] = {"training.network": "mlp", "training.node_network": False}
+    plain: dict[str, Any] = {"training.network": "mlp"}
     return load_scenario(scenario, plain | {"observation": seen})
 
 

@@ -42,7 +42,7 @@ def started_from(
     elif is_run(start):
         folder = RunFolder(start)
         source, weights = folder.scenario(), folder.load_policy().network.state_dict()
-        if not source.observation.part.is_table or source.training.network.kind != "set":
+        if not source.training.network.part.is_for_any_size:
             raise InputError(
                 f"--from {start}: its networks are for one size: only those of training.network: "
                 "set can go on elsewhere"
@@ -62,7 +62,6 @@ def started_from(
         "observation": observation,
         "training.preset": PRESET,
         "training.critic": "own",
-        "training.node_network": False,
         "training.mask_actions": source.training.mask_actions,
         "training.network": source.training.network.model_dump(),
     }

@@ -48,6 +48,8 @@ class Network(Part, ABC):
     """
 
     is_of_world: ClassVar[bool] = False
+    #: Whether its weights serve node tables of any size.
+    is_for_any_size: ClassVar[bool] = False
 
     @abstractmethod
     def make_actor(self, sizes: NetworkSizes) -> Any:

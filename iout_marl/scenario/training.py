@@ -80,7 +80,7 @@ class Training(Section):
     #: of. AUVs share one actor and one critic in either.
     critic: Literal["own", "central"] = "own"
     #: Add to the actor's logit of every node what a small network, the same for all nodes, makes
-    #: of its age and energy: for many nodes.
+    #: of its age and energy: for many nodes. Without effect on node tables.
     node_network: bool = False
     #: Inputs of the networks: `none`, `fixed` (by the observation's ranges) or
     #: `running` (by mean and standard deviation of what was seen).

@@ -94,6 +94,8 @@ TABLES: Mapping[str, tuple[str, dict[str, Any]]] = {
     for name, (base, changes) in WORLDS.items()
     if name in ("3 AUVs, FDD", "1 AUV, TDD")
 }
+#: Roles of parts that may be for tables.
+IN_TABLES = ("observation entry", "network")
 #: Sums in another order, or by another library.
 ROUNDING = 1e-9
 
@@ -223,7 +225,7 @@ class _Subject:
 
 def _bases(role: str, overrides: Overrides) -> Iterator[tuple[str, Scenario]]:
     """Scenarios for a part of a role, by name."""
-    worlds = {**WORLDS, **TABLES} if role == "observation entry" else WORLDS
+    worlds = {**WORLDS, **TABLES} if role in IN_TABLES else WORLDS
     for name, (base, changes) in worlds.items():
         # A duplex part stands in for either; its worlds are those for the paper's first.
         is_out = {"beta rule": "TDD" not in name, "duplex": "FDD" not in name}

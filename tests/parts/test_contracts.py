@@ -113,6 +113,7 @@ OVERRIDES = {
         "current": {"kind": "tide", "speed_m_per_s": 1.0, "toward_deg": 30.0},
     },
     **{("current", kind): {"vehicle": MOTOR, "grid.origin": ORIGIN} for kind in currents.kinds},
+    ("network", "set"): {"observation": "table"},
     ("observation entry", "unseen_for"): {"observation.view_range_m": 150},
     ("transmission", "formula"): SEA,
     ("transmission", "range_depth"): SEA,

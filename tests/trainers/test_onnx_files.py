@@ -49,6 +49,13 @@ CASES = {
             "training.critic": "central",
         },
     ),
+    "table": (
+        "multi/m2-k10-fdd",
+        {
+            "observation": {"kind": "table", "view_range_m": 400},
+            "training.network": {"kind": "set", "width": 8, "heads": 2, "critic_width": 8},
+        },
+    ),
     "tdd-as-it-is": (
         "best/k3-tdd",
         {

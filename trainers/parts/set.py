@@ -33,6 +33,7 @@ class SetNetwork(Network):
         critic_blocks: Annotated[int, Plausible(0, 100, "blocks")] = 1
 
     settings: Settings
+    is_for_any_size = True
 
     def check(self, scenario: Scenario) -> None:
         chosen, seen = self.settings, scenario.observation

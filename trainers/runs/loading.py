@@ -75,7 +75,7 @@ def load_run(run: Path, scenario: Scenario, *, transfer: bool) -> tuple[RunFolde
         raise InputError(f"{run}: its policy is of another scenario than scenario.yaml beside it")
     if scenario.world_hash in (shape["world_hash"], shape["source_world_hash"]):
         return folder, scenario.model_copy(update={"nodes": own.nodes})
-    any_size = own.observation.part.is_table and own.training.network.kind == "set"
+    any_size = own.training.network.part.is_for_any_size
     if any_size:
         # It sees any scenario as the table that it was trained on.
         seen = with_table(scenario, own.observation.model_dump())

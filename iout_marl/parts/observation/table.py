@@ -9,7 +9,7 @@ from pydantic import Field
 from iout_marl.parts.observation.base import representations
 from iout_marl.parts.observation.scaled import Scaled
 from iout_marl.scenario import Scenario
-from iout_marl.scenario.fields import Plausible, Positive, invalid
+from iout_marl.scenario.fields import Plausible, Positive
 from iout_marl.scenario.parts import PartOf
 from iout_marl.scenario.parts import Settings as PartSettings
 
@@ -48,12 +48,6 @@ class Table(Scaled):
     @property
     def is_by_rows(self) -> bool:
         return self.settings.form == "rows"
-
-    def check(self, scenario: Scenario) -> None:
-        super().check(scenario)
-        if scenario.training.node_network:
-            path = ("training", "node_network")
-            raise invalid(path, "is for observations as vectors, not for observation.kind: table")
 
     def kinds(self, scenario: Scenario) -> list[str]:  # noqa: ARG002
         unseen = ["unseen_for"] if self.settings.view_range_m is not None else []
