@@ -73,7 +73,7 @@ def extent_of(scenarios: Iterable[Scenario]) -> Extent:
 
 
 def outside(scenario: Scenario, extent: Extent) -> list[str]:
-    """In what a scenario lies outside, in words: `nodes.count 200 > 30`.
+    """In what a scenario lies outside, in words: `nodes.count 200 > 30`; other kinds come first.
 
     Of a part of another kind its settings are not told, too.
     """
@@ -94,7 +94,7 @@ def outside(scenario: Scenario, extent: Extent) -> list[str]:
             found[key] = f"{key} {_word(value)}, not {' or '.join(others)}"
     others_of = tuple(f"{key.removesuffix('.kind')}." for key in found if _is_kind(scenario, key))
     kept = [key for key in found if _is_kind(scenario, key) or not key.startswith(others_of)]
-    return [found[key] for key in kept]
+    return [found[key] for key in sorted(kept, key=lambda key: not _is_kind(scenario, key))]
 
 
 def _is_kind(scenario: Scenario, key: str) -> bool:
