@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import safetensors
@@ -93,6 +94,27 @@ def load_modes(path: Path = WEIGHTS) -> Mapping[str, Mode]:
     return modes
 
 
+def mode_for(modes: Mapping[str, Mode], scenario: Scenario, who: str) -> Mode:
+    """The weights for the actions of a scenario.
+
+    Args:
+        modes: those there are.
+        scenario: the scenario.
+        who: asks for them, for the message.
+
+    Raises:
+        InputError: there are none.
+    """
+    duplex = scenario.duplex
+    mode = modes.get(MODES.get(duplex.part.num_choices, ""))
+    if mode is None:
+        raise InputError(
+            f"{who}: has no weights for duplex.kind {duplex.kind}, whose actions name "
+            f"{duplex.part.num_choices} nodes"
+        )
+    return mode
+
+
 class Pretrained(BasePolicy):
     """Plays any scenario by weights that were trained on many, none of which it need be.
 
@@ -107,6 +129,8 @@ class Pretrained(BasePolicy):
         self.sampled = sampled
         self._modes = load_modes(path)
         self._policies: dict[str, TrainedPolicy] = {}
+        #: Who plays in which world, once it was told what is new there.
+        self._known: WeakKeyDictionary[World, TrainedPolicy] = WeakKeyDictionary()
 
     @property
     def is_deterministic(self) -> bool:
@@ -119,24 +143,21 @@ class Pretrained(BasePolicy):
         Raises:
             InputError: there are no weights for actions like those of the scenario.
         """
-        return self._policy_for(world.scenario).act(world, state, rng)
+        if world not in self._known:
+            self._known[world] = self._policy_for(world.scenario)
+        policy = self._known[world]
+        policy.sampled = self.sampled
+        return policy.act(world, state, rng)
 
     def _policy_for(self, scenario: Scenario) -> TrainedPolicy:
-        name = MODES.get(scenario.duplex.part.num_choices, "")
-        if name not in self._modes:
-            raise InputError(
-                f"{self.name}: has no weights for duplex.kind {scenario.duplex.kind}, whose "
-                f"actions name {scenario.duplex.part.num_choices} nodes"
-            )
+        mode = mode_for(self._modes, scenario, self.name)
+        self._tell_of(scenario, mode)
+        name = MODES[scenario.duplex.part.num_choices]
         if name not in self._policies:
-            mode = self._modes[name]
             network = mode.network()
             network.load_state_dict(mode.weights)
             self._policies[name] = TrainedPolicy(network.eval(), self.name, use_mask=True)
-        self._tell_of(scenario, self._modes[name])
-        policy = self._policies[name]
-        policy.sampled = self.sampled
-        return policy
+        return self._policies[name]
 
     def _tell_of(self, scenario: Scenario, mode: Mode) -> None:
         """Name what the weights have not been trained on, if anything."""

@@ -11,7 +11,7 @@ from iout_marl.errors import InputError
 from iout_marl.policies.loading import is_run
 from iout_marl.policies.named import PRETRAINED
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
-from trainers.pretrained import MODES, load_modes
+from trainers.pretrained import load_modes, mode_for
 from trainers.runs.folder import RunFolder
 
 #: Settings of a training that has little to learn.
@@ -34,10 +34,7 @@ def started_from(
     """
     asked = load_scenario(scenario, overrides)
     if start == PRETRAINED:
-        name = MODES.get(asked.duplex.part.num_choices, "")
-        mode = load_modes().get(name)
-        if mode is None:
-            raise InputError(f"--from {start}: has no weights for duplex.kind {asked.duplex.kind}")
+        mode = mode_for(load_modes(), asked, f"--from {start}")
         source, weights = mode.scenario, mode.weights
     elif is_run(start):
         folder = RunFolder(start)

@@ -78,7 +78,8 @@ def outside(scenario: Scenario, extent: Extent) -> list[str]:
     Of a part of another kind its settings are not told, too.
     """
     found: dict[str, str] = {}
-    for key, value in _figures(scenario).items():
+    figures = _figures(scenario)
+    for key, value in figures.items():
         known = extent.get(key)
         if known is None:
             if value is not None:
@@ -90,16 +91,13 @@ def outside(scenario: Scenario, extent: Extent) -> list[str]:
                 found[key] = f"{key} {value:g} > {known['to']:g}"
         elif value not in known["values"]:
             numbers = [f"{known['from']:g} to {known['to']:g}"] if "from" in known else []
-            others = [*numbers, *map(_word, known["values"])]
-            found[key] = f"{key} {_word(value)}, not {' or '.join(others)}"
-    others_of = tuple(f"{key.removesuffix('.kind')}." for key in found if _is_kind(scenario, key))
-    kept = [key for key in found if _is_kind(scenario, key) or not key.startswith(others_of)]
-    return [found[key] for key in sorted(kept, key=lambda key: not _is_kind(scenario, key))]
-
-
-def _is_kind(scenario: Scenario, key: str) -> bool:
-    """Whether a key names the kind of a part, some of which are written as a word."""
-    return key.endswith(".kind") or isinstance(_figures(scenario)[key], str)
+            seen = [*numbers, *map(_word, known["values"])]
+            found[key] = f"{key} {_word(value)}, not {' or '.join(seen)}"
+    # Some parts are written as their kind alone, a word.
+    kinds = [key for key in found if key.endswith(".kind") or isinstance(figures[key], str)]
+    inside = tuple(f"{key.removesuffix('.kind')}." for key in kinds)
+    others = [key for key in found if key not in kinds and not key.startswith(inside)]
+    return [found[key] for key in (*kinds, *others)]
 
 
 def _word(value: Any) -> str:
