@@ -22,7 +22,7 @@ from trainers.moments import Moments
 from trainers.stepwise import StepwiseActor
 
 #: A log-probability that comes out as a probability of exactly 0, and is finite.
-_IMPOSSIBLE = -1e9
+IMPOSSIBLE = -1e9
 _ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
 
 
@@ -175,7 +175,7 @@ class ActorCritic(nn.Module):
         self.actor = actor
         padding = torch.zeros(len(self.action_sizes), self.width)
         for entry, size in zip(padding, self.action_sizes, strict=True):
-            entry[size:] = _IMPOSSIBLE
+            entry[size:] = IMPOSSIBLE
         self.register_buffer("padding", padding, persistent=False)
         #: Where in a mask each choice of each entry stands.
         choice = torch.zeros(padding.shape, dtype=torch.int64)
@@ -248,7 +248,7 @@ class ActorCritic(nn.Module):
             logits = logits + nn.functional.pad(by_node, (0, missing, 1, 0))
         if mask is None:
             return logits
-        return logits.masked_fill(~mask[..., self.choice], _IMPOSSIBLE)
+        return logits.masked_fill(~mask[..., self.choice], IMPOSSIBLE)
 
     @staticmethod
     def log_probabilities(logits: Tensor) -> Tensor:
@@ -347,7 +347,7 @@ class ActorCritic(nn.Module):
 
         def keep(entry: int, logits: Tensor) -> Tensor:
             missing = self.width - logits.shape[-2]
-            found.append(nn.functional.pad(logits, (0, 0, 0, missing), value=_IMPOSSIBLE))
+            found.append(nn.functional.pad(logits, (0, 0, 0, missing), value=IMPOSSIBLE))
             return logits.argmax(-2) if given is None else given[..., entry, :]
 
         self._decide(inputs, mask, keep)
@@ -367,7 +367,7 @@ class ActorCritic(nn.Module):
         def choose_sensibly(logits: Tensor) -> Tensor:
             entry = next(entries)
             if masks is not None:
-                logits = logits.masked_fill(~masks[entry], _IMPOSSIBLE)
+                logits = logits.masked_fill(~masks[entry], IMPOSSIBLE)
             return choose(entry, logits)
 
         actor: Any = self.actor

@@ -144,12 +144,17 @@ class Pretrained(BasePolicy):
             InputError: there are no weights for actions like those of the scenario.
         """
         if world not in self._known:
-            self._known[world] = self._policy_for(world.scenario)
+            self._known[world] = self.policy_for(world.scenario)
         policy = self._known[world]
         policy.sampled = self.sampled
         return policy.act(world, state, rng)
 
-    def _policy_for(self, scenario: Scenario) -> TrainedPolicy:
+    def policy_for(self, scenario: Scenario) -> TrainedPolicy:
+        """The weights for the actions of a scenario, as a policy that plays in worlds of any size.
+
+        Raises:
+            InputError: there are none.
+        """
         mode = mode_for(self._modes, scenario, self.name)
         self._tell_of(scenario, mode)
         name = MODES[scenario.duplex.part.num_choices]

@@ -197,7 +197,10 @@ class SetActor(StepwiseActor):
 
     def decide(self, inputs: Tensor, choose: Choose) -> None:
         """See `StepwiseActor.decide`."""
-        rows = Rows.from_flat(self.layout, inputs)
+        self.decide_by(Rows.from_flat(self.layout, inputs), choose)
+
+    def decide_by(self, rows: Rows, choose: Choose) -> None:
+        """Decide by rows, of which there may be others than `layout` and `action_sizes` say."""
         nodes, context = self.trunk(rows)
         # (…, pair, directions, nodes, samples)
         pairs = self.pairs(rows.moves, nodes.unsqueeze(-3), context.unsqueeze(-3))
@@ -214,7 +217,7 @@ class SetActor(StepwiseActor):
             if node is not self.node[-1]:
                 one = torch.ones_like(choice, dtype=logits.dtype).unsqueeze(-2)
                 is_chosen = torch.zeros_like(logits).scatter(-2, choice.unsqueeze(-2), one)
-                is_chosen = is_chosen.narrow(-2, 0, self.layout.nodes)
+                is_chosen = is_chosen.narrow(-2, 0, nodes.shape[-2])
                 vectors = vectors + self.chosen[..., None, None] * is_chosen.unsqueeze(-3)
 
 

@@ -36,15 +36,10 @@ class TableLayout:
     @property
     def ends(self) -> tuple[int, int, int, int]:
         """Where the context, the AUVs', the nodes' and the moves' entries end."""
-        ends = np.cumsum(
-            [
-                self.context,
-                self.auvs * self.auv_columns,
-                self.nodes * self.node_columns,
-                self.moves * self.nodes * self.move_columns,
-            ]
-        )
-        return tuple(ends.tolist())
+        context = self.context
+        auvs = context + self.auvs * self.auv_columns
+        nodes = auvs + self.nodes * self.node_columns
+        return context, auvs, nodes, nodes + self.moves * self.nodes * self.move_columns
 
     @property
     def size(self) -> int:

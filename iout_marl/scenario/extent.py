@@ -72,6 +72,21 @@ def extent_of(scenarios: Iterable[Scenario]) -> Extent:
     return extent
 
 
+def _known(extent: Extent, key: str) -> dict[str, Any] | None:
+    """What is known of a key, which may be written as a number or as a list of numbers."""
+    whole = key.partition("[")[0]
+    parts = [key, whole] if key != whole else [key, *(k for k in extent if k.startswith(f"{key}["))]
+    found = [extent[part] for part in parts if part in extent]
+    if len(found) < 2:
+        return found[0] if found else None
+    ranges = [each for each in found if "from" in each]
+    known = {"values": [value for each in found for value in each["values"]]}
+    if ranges:
+        known["from"] = min(each["from"] for each in ranges)
+        known["to"] = max(each["to"] for each in ranges)
+    return known
+
+
 def outside(scenario: Scenario, extent: Extent) -> list[str]:
     """In what a scenario lies outside, in words: `nodes.count 200 > 30`; other kinds come first.
 
@@ -80,7 +95,7 @@ def outside(scenario: Scenario, extent: Extent) -> list[str]:
     found: dict[str, str] = {}
     figures = _figures(scenario)
     for key, value in figures.items():
-        known = extent.get(key)
+        known = _known(extent, key)
         if known is None:
             if value is not None:
                 found[key] = f"{key} {value}, which it has not seen"

@@ -150,3 +150,10 @@ def test_extent():
     assert outside(other, extent) == ["storage.kind capacitor, not unlimited"]
     weighted = load_scenario("random/k3-fdd", {"nodes.weights": [1.0, 2.0, 4.0]})
     assert outside(weighted, extent) == ["nodes.weights 4 > 1"]
+    flat = load_scenario("random/k7-fdd", {"grid.spacing_m": [100, 100, 50]})
+    assert outside(flat, extent) == ["grid.spacing_m[2] 50 < 100"]
+    of_both = extent_of([flat, load_scenario("random/k7-fdd")])
+    assert outside(load_scenario("random/k7-fdd", {"grid.spacing_m": 70}), of_both) == []
+    assert outside(load_scenario("random/k7-fdd", {"grid.spacing_m": 40}), extent_of([flat])) == [
+        "grid.spacing_m 40 < 50"
+    ]
