@@ -7,6 +7,7 @@ handed to its function, so that scenarios which differ in nothing else share one
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import importlib.util
@@ -15,6 +16,7 @@ import platform
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -45,8 +47,10 @@ _ARGUMENTS = {
     "seen": "o",
     "mask": "b",
 }
-#: Beside every module: what it was made at. Numba takes another time for another source.
-_TIME = (1_000_000_000, 1_000_000_000)
+#: When every module was changed last, in s: Numba takes another time for another source.
+_CHANGED_S = 1_000_000_000
+#: For how long a module is kept that nothing uses.
+_KEPT_S = 60 * 86400.0
 
 
 def source_of(code: Code, dtype: str, observed: str) -> str:
@@ -153,18 +157,32 @@ def _written(path: Path, source: str) -> bool:
     """See to it that a module has this source: whether it has."""
     text = source.encode()
     try:
-        if path.is_file() and path.read_bytes() == text and int(path.stat().st_mtime) == _TIME[0]:
-            return True
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(text)
-            # Of the same time for all who write it: Numba would compile it anew.
-            os.utime(name, _TIME)
-            Path(name).replace(path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+        is_new = not path.is_file() or path.read_bytes() != text
+        if is_new:
+            handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+            try:
+                with os.fdopen(handle, "wb") as file:
+                    file.write(text)
+                os.utime(name, (time.time(), _CHANGED_S))
+                Path(name).replace(path)
+            except BaseException:
+                Path(name).unlink(missing_ok=True)
+                raise
+            _remove_unused(path.parent)
+        else:
+            os.utime(path, (time.time(), _CHANGED_S))
     except OSError:
         return False
     return True
+
+
+def _remove_unused(folder: Path) -> None:
+    """Remove modules that nothing has used for long, and what was compiled of them."""
+    oldest = time.time() - _KEPT_S
+    for path in folder.glob("slot_*.py"):
+        # Another process may remove it, too.
+        with contextlib.suppress(OSError):
+            if path.stat().st_atime < oldest:
+                for made in folder.glob(f"__pycache__/{path.stem}.*"):
+                    made.unlink(missing_ok=True)
+                path.unlink(missing_ok=True)

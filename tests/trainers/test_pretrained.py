@@ -150,10 +150,21 @@ def test_extent():
     assert outside(other, extent) == ["storage.kind capacitor, not unlimited"]
     weighted = load_scenario("random/k3-fdd", {"nodes.weights": [1.0, 2.0, 4.0]})
     assert outside(weighted, extent) == ["nodes.weights 4 > 1"]
-    flat = load_scenario("random/k7-fdd", {"grid.spacing_m": [100, 100, 50]})
-    assert outside(flat, extent) == ["grid.spacing_m[2] 50 < 100"]
-    of_both = extent_of([flat, load_scenario("random/k7-fdd")])
-    assert outside(load_scenario("random/k7-fdd", {"grid.spacing_m": 70}), of_both) == []
-    assert outside(load_scenario("random/k7-fdd", {"grid.spacing_m": 40}), extent_of([flat])) == [
-        "grid.spacing_m 40 < 50"
-    ]
+
+
+def test_spacing_by_axis_is_compared_with_spacing_as_a_number():
+    def told(scenario, *others):
+        # The length of a slot goes by the spacing, too.
+        found = outside(scenario, extent_of(others))
+        return [each for each in found if not each.startswith("episode.slots")]
+
+    cube, flat, deep, small = (
+        load_scenario("random/k7-fdd", {"grid.spacing_m": spacing_m})
+        for spacing_m in (100, [100, 100, 50], [100, 100, 200], 40)
+    )
+    assert told(flat, cube) == ["grid.spacing_m[2] 50 < 100"]
+    assert told(cube, flat) == []
+    assert told(cube, deep, flat) == []
+    assert told(flat, deep) == ["grid.spacing_m[2] 50 < 200"]
+    assert told(deep, cube, flat) == ["grid.spacing_m[2] 200 > 100"]
+    assert told(small, flat) == ["grid.spacing_m 40 < 50"]

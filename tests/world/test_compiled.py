@@ -1,5 +1,7 @@
 """Compiled slots are those of the world on NumPy."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -149,6 +151,21 @@ def test_a_module_that_was_changed_is_written_anew(folder):
     path.write_text("def slots(number):\n    return 0\n")
     module.compiled_function.cache_clear()
     assert module.compiled_function(SMALL)(1) == 2
+
+
+@pytest.mark.slow
+def test_what_nothing_has_used_for_long_is_removed(folder):
+    old, used, new = (SMALL.replace("+ 1", f"+ {n}") for n in (2, 3, 4))
+    for source in (old, used):
+        module.compiled_function(source)
+        path = module._path(source)
+        os.utime(path, (path.stat().st_atime - 61 * 86400, path.stat().st_mtime))
+    module.compiled_function.cache_clear()
+    assert sum(module.compiled_function(used).stats.cache_hits.values()) == 1
+    module.compiled_function(new)
+    assert [module.is_kept(source) for source in (old, used, new)] == [False, True, True]
+    stems = {path.name.partition(".")[0] for path in folder.rglob("slot_*.*")}
+    assert stems == {module._path(source).stem for source in (used, new)}
 
 
 @pytest.mark.parametrize("kind", ["no folder", "others write there", "a file"])
