@@ -2,61 +2,127 @@
 
 from __future__ import annotations
 
+import importlib
 import signal
 import sys
-from pathlib import Path
-from typing import Annotated, NoReturn
+from collections.abc import Iterator, MutableMapping
+from typing import Annotated, Any, NoReturn
 
-import numpy as np
 import typer
-from rich.table import Table
-from rich.text import Text
+from typer.core import TyperGroup
 
 from iout_marl import __version__, startup
-from iout_marl.cli_bound import bound_command
 from iout_marl.cli_errors import notes_in_a_line, reason_of
-from iout_marl.cli_export import export
-from iout_marl.cli_json_schema import schema
-from iout_marl.cli_mission import mission
-from iout_marl.cli_new import new
-from iout_marl.cli_options import (
-    POLICY,
-    Imports,
-    JsonFile,
-    Overrides,
-    ScenarioArgument,
-    expanded,
-    file_ending,
-    give_out,
-    refuse_same_file,
-    take,
-    whole,
-)
-from iout_marl.cli_policies import evaluate_all, keep_inputs, planner_budget
-from iout_marl.cli_replay import replay
-from iout_marl.cli_scenario import scenario_app
-from iout_marl.cli_studies import report, reproduce
-from iout_marl.cli_tables import say_outlook, show_breakdown, show_columns
-from iout_marl.cli_train import train
-from iout_marl.evaluation import MAX_EPISODES
+from iout_marl.cli_looks import LOOKS
 from iout_marl.files import inputs_noted
-from iout_marl.outlook import energy_outlook
-from iout_marl.policies import BASELINES, DEFAULT_BUDGET, POLICIES
-from iout_marl.scenario import bundled_names, load_scenario, to_yaml
-from iout_marl.scenario.explanation import explanation
-from iout_marl.terminal import (
-    complain,
-    finish_output,
-    prepare_streams,
-    present,
-)
-from iout_marl.whole import MAX_SEED
+from iout_marl.terminal import complain, finish_output, prepare_streams, present
+
+#: Every command: where it is, and how its help begins.
+COMMANDS = {
+    "scenarios": ("cli_show:scenarios", "List the bundled scenarios."),
+    "show": (
+        "cli_show:show",
+        "Print a whole scenario, after `extends`, preset and overrides, as YAML.",
+    ),
+    "train": ("cli_train:train", "Train a policy by PPO."),
+    "evaluate": (
+        "cli_evaluate:evaluate",
+        "Run policies over seeded episodes; means with 95 % confidence intervals.",
+    ),
+    "bound": (
+        "cli_bound:bound_command",
+        "Print a mean AoI that no policy can beat, checked, and how far policies are from it.",
+    ),
+    "export": (
+        "cli_export:export",
+        "Write a trained policy's most probable actions as ONNX, to be run without torch.",
+    ),
+    "mission": (
+        "cli_mission:mission",
+        "Write an episode as a plan for vehicles: a file for each AUV, and what to do when.",
+    ),
+    "replay": (
+        "cli_replay:replay",
+        "Show an episode: as one page that plays it offline, and as a film.",
+    ),
+    "new": (
+        "cli_new:new",
+        "Write a scenario with every section, units, ranges and alternatives beside.",
+    ),
+    "schema": (
+        "cli_json_schema:schema",
+        "Print a JSON Schema of scenario files, by which editors complete and check them.",
+    ),
+    "reproduce": (
+        "cli_studies:reproduce",
+        "Run a study, by default the paper's, and write its report.",
+    ),
+    "report": (
+        "cli_studies:report",
+        "Write the report of a study's results once more: page, Markdown and figures.",
+    ),
+    "scenario": ("cli_scenario:scenario_app", "Make scenarios of what others have measured."),
+}
+
+
+class _Loaded(MutableMapping[str, Any]):
+    """Commands by name, each imported when it is asked for: help of all needs none."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._known:
+            module, _, item = COMMANDS[name][0].partition(":")
+            found = getattr(importlib.import_module(f"iout_marl.{module}"), item)
+            if not isinstance(found, typer.Typer):
+                alone = typer.Typer(**LOOKS)
+                alone.command(name)(found)
+                found = alone
+            self._known[name] = typer.main.get_command(found)
+            self._known[name].name = name
+        return self._known[name]
+
+    def __setitem__(self, name: str, command: Any) -> None:
+        self._known[name] = command
+
+    def __delitem__(self, name: str) -> None:
+        del self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
+class _Commands(TyperGroup):
+    """All commands, none of which is imported before it is called."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = _Loaded()
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 (Typer's names)
+        """Write every command with the beginning of its help."""
+        # As Typer does: three times the usual space beside the names.
+        width = formatter.width - 6 - max(map(len, COMMANDS))
+        rows = [(name, _shortened(text, width)) for name, (_, text) in COMMANDS.items()]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
+
+def _shortened(text: str, width: int) -> str:
+    """As much of a sentence as fits, in whole words."""
+    if len(text) <= width:
+        return text
+    return f"{text[: width - 2].rsplit(' ', 1)[0]}..."
+
 
 app = typer.Typer(
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
+    cls=_Commands,
     help="AUVs that charge underwater sensor nodes by sound and collect their data.",
+    **LOOKS,
 )
 
 
@@ -75,198 +141,6 @@ def _options(
     ] = False,
 ) -> None:
     """Options of every command."""
-
-
-@app.command()
-def scenarios() -> None:
-    """List the bundled scenarios."""
-    rows = [("scenario", "nodes", "AUVs", "duplex", "reward", "")]
-    for name in bundled_names():
-        s = load_scenario(name)
-        sizes = str(s.num_nodes), str(s.num_auvs)
-        rows.append((name, *sizes, s.duplex.kind, s.reward.kind, s.description))
-    table = Table(box=None, pad_edge=False)
-    for heading, *cells in zip(*rows, strict=True):
-        # Only the description, under no heading, is folded where there is little room.
-        width = max(map(len, (heading, *cells))) if heading else 20
-        is_number = heading in ("nodes", "AUVs")
-        table.add_column(heading, justify="right" if is_number else "left", min_width=width)
-    for row in rows[1:]:
-        table.add_row(*map(Text, row))
-    present(table)
-
-
-@app.command()
-def show(
-    scenario: ScenarioArgument,
-    *,
-    explain: Annotated[
-        bool,
-        typer.Option("--explain", help="Say of every key what it means, with unit and range."),
-    ] = False,
-    overrides: Overrides = None,
-    imports: Imports = None,
-) -> None:
-    """Print a whole scenario, after `extends`, preset and overrides, as YAML."""
-    take(imports)
-    loaded = load_scenario(scenario, overrides or [])
-    hashes = f"# hash {loaded.hash}, of the world alone {loaded.world_hash}"
-    outlook = energy_outlook(loaded)
-    notes = f"{hashes}\n# {outlook}" if outlook else hashes
-    body = explanation(loaded) if explain else to_yaml(loaded)
-    present(f"{notes}\n{body}".rstrip("\n"))
-
-
-app.command()(train)
-
-
-@app.command("evaluate")
-def evaluate_command(
-    scenario: ScenarioArgument,
-    policy: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar=POLICY,
-            parser=expanded,
-            help=f"{', '.join(POLICIES)} (the last two plan every layout anew, which takes a "
-            "moment for each); the folder of a run; or a policy of your own, by MODULE:NAME or "
-            f"FILE.py:NAME. May be repeated [default: {', '.join(BASELINES)}].",
-        ),
-    ] = None,
-    episodes: Annotated[
-        int,
-        typer.Option(
-            metavar="N",
-            parser=whole(1, MAX_EPISODES),
-            help="Episodes of each policy; where neither it nor the world leaves anything to "
-            "chance, one is played.",
-        ),
-    ] = 100,
-    seed: Annotated[
-        int,
-        typer.Option(
-            metavar="N",
-            parser=whole(0, MAX_SEED),
-            help="Seed of layouts and chance; that of the next episode is one more.",
-        ),
-    ] = 0,
-    json_file: JsonFile = None,
-    save_episode: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            parser=file_ending(".json"),
-            help="Keep the first episode of one policy as JSON, for iout replay --recording.",
-        ),
-    ] = None,
-    *,
-    planner_seconds: Annotated[
-        float | None,
-        typer.Option(help="Time for the planner, of all layouts together; more is better."),
-    ] = None,
-    planner_rounds: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            parser=whole(0, 10**9),
-            help="The same in rounds of its search, which give the same plans on any machine "
-            f"[{DEFAULT_BUDGET.rounds}].",
-        ),
-    ] = None,
-    planner_start: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar=POLICY,
-            parser=expanded,
-            help="A policy that the planner starts from: it will be no worse; may be repeated.",
-        ),
-    ] = None,
-    sampled: Annotated[
-        bool,
-        typer.Option(
-            "--sampled",
-            help="Draw the actions of trained policies, as in training, rather than take the "
-            "most probable.",
-        ),
-    ] = False,
-    best_of: Annotated[
-        int,
-        typer.Option(
-            "--best-of",
-            metavar="N",
-            parser=whole(1, 10_000),
-            help="Trained policies play every episode ahead N times, all but once with drawn "
-            "actions, and then play the best.",
-        ),
-    ] = 1,
-    mirrored: Annotated[
-        bool,
-        typer.Option(
-            "--mirrored",
-            help="Trained policies also play every episode ahead in the mirror images of the "
-            "world, and then play the best.",
-        ),
-    ] = False,
-    transfer: Annotated[
-        bool,
-        typer.Option(
-            "--transfer",
-            help="Allow runs of another scenario that fits; where each has a layout of its own, "
-            "all play in that of the first.",
-        ),
-    ] = False,
-    nodes: Annotated[
-        bool,
-        typer.Option(
-            "--nodes", help="Also a row for each node and each AUV, in slots and seconds."
-        ),
-    ] = False,
-    overrides: Overrides = None,
-    imports: Imports = None,
-) -> None:
-    """Run policies over seeded episodes; means with 95 % confidence intervals."""
-    take(imports)
-    loaded = load_scenario(scenario, overrides or [])
-    refuse_same_file({"--json": json_file, "--save-episode": save_episode})
-    for target in (json_file, save_episode):
-        keep_inputs(target, [*(policy or []), *(planner_start or [])])
-    results, layouts, first_episode = evaluate_all(
-        loaded,
-        policy or list(BASELINES),
-        planner_start or [],
-        planner_budget(planner_seconds, planner_rounds),
-        episodes,
-        seed,
-        transfer=transfer,
-        sampled=sampled,
-        breakdown=nodes,
-        best_of=best_of,
-        mirrored=mirrored,
-        keep_episode=save_episode is not None,
-    )
-    say_outlook(loaded)
-    records = [result.to_json() for result in results]
-
-    def show_tables() -> None:
-        show_columns(results, layouts)
-        for result in results:
-            show_breakdown(result)
-
-    give_out(records[0] if len(records) == 1 else records, json_file, show_tables)
-    # After the figures, which a failure here must not cost.
-    if first_episode is not None and save_episode is not None:
-        first_episode.recording().save(save_episode)
-
-
-app.command("bound")(bound_command)
-app.command()(export)
-app.command()(mission)
-app.command()(replay)
-app.command()(new)
-app.add_typer(scenario_app, name="scenario")
-app.command()(schema)
-app.command()(reproduce)
-app.command()(report)
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
@@ -292,11 +166,14 @@ def _run(arguments: list[str]) -> tuple[int, str]:
     try:
         startup.stop_guarding()
         prepare_streams()
-        # What is too large to compute with, the results say: a warning would say it elsewhere.
-        with np.errstate(all="ignore"), inputs_noted(), notes_in_a_line():
+        with inputs_noted(), notes_in_a_line():
             command = typer.main.get_command(app)
             with command.make_context("iout", list(arguments) or ["--help"]) as context:
-                command.invoke(context)
+                import numpy as np  # for which help need not wait
+
+                # What is too large to compute with, results say: a warning would say it elsewhere.
+                with np.errstate(all="ignore"):
+                    command.invoke(context)
     except typer.Exit as ended:
         return ended.exit_code, ""
     except (KeyboardInterrupt, typer.Abort):

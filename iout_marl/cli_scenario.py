@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from iout_marl.cli_looks import LOOKS
 from iout_marl.cli_new import named_in, new_scenario_file
 from iout_marl.cli_options import Imports, Overrides, expanded, file, take
 from iout_marl.errors import InputError
@@ -22,7 +23,7 @@ from iout_marl.scenario.loading import dump_yaml
 from iout_marl.terminal import present
 from iout_marl.words import listed
 
-scenario_app = typer.Typer()
+scenario_app = typer.Typer(**LOOKS)
 
 
 @scenario_app.callback()

@@ -113,6 +113,9 @@ def import_module(name: str) -> ModuleType:
     Raises:
         InputError: there is none, or running it has failed.
     """
+    from iout_marl.registration import register  # takes Gymnasium and PettingZoo along
+
+    register()  # which the command line leaves to those that may make environments by name
     if name.endswith(_SUFFIX) or os.sep in name:
         return _import_file(name)
     _look_last_in(Path())

@@ -6,6 +6,7 @@ registered without a version; what scenarios name and comes from outside states 
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import re
 import traceback
@@ -210,9 +211,16 @@ class Registry(Generic[Item]):
 
 def registry_of(role: str) -> Registry[Any]:
     """The registry of a role, which must be one."""
+    _load_built_in()
     return _REGISTRIES[role]
 
 
 def registries() -> tuple[Registry[Any], ...]:
     """All of them."""
+    _load_built_in()
     return tuple(_REGISTRIES.values())
+
+
+def _load_built_in() -> None:
+    """Import the parts that come with the package: scenarios know them by their kinds alone."""
+    importlib.import_module("iout_marl.parts")

@@ -23,6 +23,7 @@ LAYERS = (
         "iout_marl.inline",
         "iout_marl.machine",
         "iout_marl.outside",
+        "iout_marl.registration",
         "iout_marl.signals",
         "iout_marl.startup",
         "iout_marl.terminal",

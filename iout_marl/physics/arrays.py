@@ -17,9 +17,15 @@ Array: TypeAlias = Any
 #: An array, or a Python number that is read as a NumPy scalar.
 ArrayLike: TypeAlias = Any
 
-#: What NumPy alone is needed for, and its array namespace.
+#: What NumPy alone is needed for.
 _OF_NUMPY = (np.ndarray, np.generic, int, float)
-_NUMPY = array_api_compat.array_namespace(np.empty(0))
+
+
+def namespace(*arrays: Array) -> Any:
+    """The array namespace of arrays: NumPy itself, whose wrapper takes long to be imported."""
+    if all(isinstance(array, (np.ndarray, np.generic)) for array in arrays):
+        return np
+    return array_api_compat.array_namespace(*arrays)
 
 
 def as_arrays(*values: ArrayLike) -> tuple[Any, ...]:
@@ -41,8 +47,8 @@ def as_arrays(*values: ArrayLike) -> tuple[Any, ...]:
         return (np, *(np.float64(v) if np.ndim(v) == 0 else np.asarray(v, float) for v in values))
     if of_numpy:
         dtype = next((a.dtype for a in arrays if a.dtype.kind == "f"), np.float64)
-        return (_NUMPY, *(np.asarray(v, dtype) for v in values))
-    xp = array_api_compat.array_namespace(*arrays)
+        return (np, *(np.asarray(v, dtype) for v in values))
+    xp = namespace(*arrays)
     device = array_api_compat.device(arrays[0])
     dtype = next((a.dtype for a in arrays if xp.isdtype(a.dtype, "real floating")), xp.float64)
     on_numpy = isinstance(arrays[0], np.ndarray)
@@ -96,7 +102,7 @@ def is_known_equal(xp: Any, one: Array, other: Array) -> bool:
 
     An answer would stop an accelerator, and end a graph that is recorded or compiled.
     """
-    return xp in (np, _NUMPY) and bool((one == other).all())
+    return xp is np and bool((one == other).all())
 
 
 def reverse_axes(xp: Any, array: Array) -> Array:

@@ -19,7 +19,7 @@ import array_api_compat
 import numpy as np
 
 from iout_marl.errors import InputError
-from iout_marl.physics.arrays import Array, ArrayLike, as_arrays
+from iout_marl.physics.arrays import Array, ArrayLike, as_arrays, namespace
 from iout_marl.whole import short
 
 P = ParamSpec("P")
@@ -118,7 +118,7 @@ def _numbers(name: str, value: ArrayLike) -> ArrayLike:
     if _is_odd(value):
         pass
     elif array_api_compat.is_array_api_obj(value):
-        xp = array_api_compat.array_namespace(value)
+        xp = namespace(value)
         if xp.isdtype(value.dtype, ("real floating", "integral")):
             return value
     else:
@@ -143,12 +143,12 @@ def _is_odd(value: ArrayLike) -> bool:
         return True
     if isinstance(value, int | float) or not array_api_compat.is_array_api_obj(value):
         return False
-    return bool(array_api_compat.array_namespace(value).isdtype(value.dtype, "bool"))
+    return bool(namespace(value).isdtype(value.dtype, "bool"))
 
 
 def _check(name: str, domain: Domain, given: Given) -> None:
     x = given[name]
-    xp = array_api_compat.array_namespace(x)
+    xp = namespace(x)
     good = xp.isfinite(x) & domain.holds(x, given)
     if bool(xp.all(good)):
         return
@@ -158,7 +158,7 @@ def _check(name: str, domain: Domain, given: Given) -> None:
 
 
 def _refuse_nan(function: str, result: Array, given: Given) -> None:
-    xp = array_api_compat.array_namespace(result)
+    xp = namespace(result)
     is_nan = xp.isnan(result)
     if bool(xp.any(is_nan)):
         numbers = ", ".join(f"{name} {_at_first(is_nan, x):g}" for name, x in given.items())
@@ -167,7 +167,7 @@ def _refuse_nan(function: str, result: Array, given: Given) -> None:
 
 def _at_first(flags: Array, x: Array) -> float:
     """The number in an array, broadcast, where the first flag is set."""
-    xp = array_api_compat.array_namespace(x)
+    xp = namespace(x)
     values = xp.reshape(xp.broadcast_to(x, flags.shape), (-1,))
     first = int(xp.argmax(xp.astype(xp.reshape(flags, (-1,)), xp.int8)))
     # A number that has a gradient would come with a warning.

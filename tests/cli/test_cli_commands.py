@@ -6,12 +6,11 @@ import subprocess
 import sys
 
 import pytest
+import typer
 
 import iout_marl
 from iout_marl import bundled_names, evaluate, load_scenario
-from iout_marl.cli import app
-
-COMMANDS = ["scenarios", "show", "new", "schema", "train", "evaluate"]
+from iout_marl.cli import COMMANDS, app
 
 
 @pytest.fixture(autouse=True)
@@ -40,10 +39,33 @@ def test_help_names_every_command(iout, words):
     assert all(re.search(rf"^  {command} +\S", out, re.MULTILINE) for command in COMMANDS)
 
 
+def test_what_the_help_says_of_a_command_is_how_its_own_begins():
+    for name, command in typer.main.get_command(app).commands.items():
+        _, beginning = COMMANDS[name]
+        assert beginning.endswith(".")
+        assert " ".join(command.help.split()).startswith(beginning.removesuffix("."))
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "command", [c.name or c.callback.__name__ for c in app.registered_commands]
-)
+def test_help_imports_no_library_of_numbers():
+    program = """
+import sys
+from iout_marl.cli import _run
+assert _run(["--help"]) == (0, "")
+print(sorted({"numpy", "pydantic", "gymnasium", "pettingzoo", "torch"} & sys.modules.keys()))
+"""
+    command = [sys.executable, "-m", "iout_marl", "--help"]
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.orig_argv = {command!r}\n{program}"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.endswith("\n[]\n")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [name for name in COMMANDS if name != "scenario"])
 def test_help_of_each_command(iout, command):
     status, out, err = iout(command, "--help")
     assert (status, err) == (0, "")

@@ -5,6 +5,7 @@ import typing
 from pathlib import Path
 
 import pytest
+import typer
 
 from iout_marl.cli import app
 
@@ -143,7 +144,7 @@ def test_every_option_that_is_a_path_is_read_in_the_one_way():
     names = ("out", "resume", "json_file", "markdown", "folder")
     names += ("scenario", "policy", "study", "planner_start")
     read = {}
-    for command in app.registered_commands:
+    for command in typer.main.get_command(app).commands.values():
         for name, hint in typing.get_type_hints(command.callback, include_extras=True).items():
             for option in getattr(hint, "__metadata__", ()):
                 read[command.callback.__name__, name] = option.parser

@@ -11,7 +11,13 @@ GYMNASIUM_ID = "AUV-v0"
 PETTINGZOO_ID = "iout/AUV-v0"
 
 
-def register_gymnasium() -> None:
+def register() -> None:
+    """Make the `make` functions of Gymnasium and PettingZoo know the environments."""
+    _register_gymnasium()
+    _register_pettingzoo()
+
+
+def _register_gymnasium() -> None:
     """Make `gymnasium.make` and `gymnasium.make_vec` know the joint environment."""
     if GYMNASIUM_ID not in gymnasium.registry:
         gymnasium.register(
@@ -21,7 +27,7 @@ def register_gymnasium() -> None:
         )
 
 
-def register_pettingzoo() -> None:
+def _register_pettingzoo() -> None:
     """Make `pettingzoo.make` know both forms, where PettingZoo has a registry (1.27 on)."""
     register = getattr(pettingzoo, "register", None)
     if register is None:
