@@ -1,8 +1,9 @@
 """Makes the weights that come with the package of the runs that were trained for them.
 
-    python -m trainers.pretraining RUN RUN [--out FILE]
+    python -m trainers.pretraining RUN … [--out FILE]
 
-One run for each kind of duplex operation. `make pretrained` trains them before.
+One run for each kind of duplex operation; what the file holds of others stays. `make pretrained`
+trains them before.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import safetensors
 import safetensors.torch
 from torch import Tensor
 
@@ -25,24 +27,26 @@ from iout_marl.scenario.drawing import Families
 from iout_marl.scenario.extent import extent_of
 from iout_marl.scenario.loading import to_yaml
 from iout_marl.terminal import present
-from trainers.pretrained import FORMAT, MODES, WEIGHTS
+from trainers.pretrained import FORMAT, MODES, WEIGHTS, load_modes
 from trainers.runs.folder import RunFolder
 
 #: Scenarios drawn to find out from where to where those of a training reach.
 DRAWN = 2000
 
 
-def packed(runs: Sequence[Path]) -> bytes:
+def packed(runs: Sequence[Path], before: Path) -> bytes:
     """The contents of a file of weights.
 
     Args:
         runs: folders of finished runs.
+        before: the file as it is, which need not be there.
 
     Raises:
-        InputError: one is no finished run over several scenarios, or two are of one kind.
+        InputError: one is no finished run over several scenarios, or two are of one kind; or the
+            file before is of another version.
     """
     tensors: dict[str, Tensor] = {}
-    metadata = {"format": str(FORMAT)}
+    metadata: dict[str, str] = {}
     for path in runs:
         folder = RunFolder(path)
         scenario, result = folder.scenario(), folder.result()
@@ -66,7 +70,17 @@ def packed(runs: Sequence[Path]) -> bytes:
             "hash": hashed(weights),
         }
         metadata[name] = to_json(about)
-    return safetensors.torch.save(tensors, metadata)
+    if before.exists():
+        load_modes(before)  # refuses what is damaged, or of another version
+        with safetensors.safe_open(before, "pt") as file:
+            kept = {name: file.metadata()[name] for name in file.metadata() if name not in metadata}
+            tensors |= {
+                name: file.get_tensor(name)
+                for name in file.keys()  # noqa: SIM118
+                if name.partition(".")[0] in kept
+            }
+        metadata |= kept
+    return safetensors.torch.save(tensors, {**metadata, "format": str(FORMAT)})
 
 
 def hashed(weights: dict[str, Tensor]) -> str:
@@ -82,7 +96,7 @@ def main() -> None:
     parser.add_argument("runs", nargs="+", type=Path)
     parser.add_argument("--out", type=Path, default=WEIGHTS)
     arguments = parser.parse_args()
-    contents = packed(arguments.runs)
+    contents = packed(arguments.runs, arguments.out)
     arguments.out.parent.mkdir(exist_ok=True)
     arguments.out.write_bytes(contents)
     present(f"{arguments.out}: {len(contents):,} bytes")

@@ -33,7 +33,7 @@ def weights(tmp_path_factory):
     """A file of weights for FDD alone."""
     folder = tmp_path_factory.mktemp("pretrained")
     train("pretrained/fdd", folder / "fdd", overrides=SHORT, evaluation_episodes=1)
-    (folder / "weights").write_bytes(packed([folder / "fdd"]))
+    (folder / "weights").write_bytes(packed([folder / "fdd"], folder / "weights"))
     return folder / "weights"
 
 
@@ -48,6 +48,20 @@ def test_what_is_packed(weights):
         assert evaluate("random/k5-fdd", policy, 1).episodes == 1
     with pytest.raises(InputError, match=r"no weights for duplex\.kind tdd"):
         evaluate("random/k5-tdd", policy, 1)
+
+
+def test_a_mode_without_a_run_stays_as_it_is_in_the_file(weights, tmp_path):
+    train("pretrained/tdd", tmp_path / "tdd", overrides=SHORT, evaluation_episodes=1)
+    (tmp_path / "both").write_bytes(packed([tmp_path / "tdd"], weights))
+    before, after = load_modes(weights), load_modes(tmp_path / "both")
+    assert before.keys() == {"fdd"}
+    assert after.keys() == {"fdd", "tdd"}
+    assert after["fdd"].about == before["fdd"].about
+    assert hashed(after["fdd"].weights) == after["fdd"].about["hash"]
+    # And a run takes the place of what was there.
+    (tmp_path / "again").write_bytes(packed([weights.parent / "fdd"], tmp_path / "both"))
+    again = load_modes(tmp_path / "again")
+    assert {k: m.about for k, m in again.items()} == {k: m.about for k, m in after.items()}
 
 
 def changed(weights, folder, **metadata):
@@ -83,11 +97,11 @@ def test_files_that_are_refused(weights, tmp_path):
 def test_only_finished_trainings_over_scenarios_are_packed(weights, tmp_path):
     shutil.copytree(weights.parent / "fdd", tmp_path / "again")
     with pytest.raises(InputError, match="second run"):
-        packed([weights.parent / "fdd", tmp_path / "again"])
+        packed([weights.parent / "fdd", tmp_path / "again"], weights)
     few = {k: v for k, v in SHORT.items() if k not in ("training.over", "training.network")}
     train("paper/k3-fdd", tmp_path / "one", overrides=few, evaluation_episodes=1)
     with pytest.raises(InputError, match="no finished training over several scenarios"):
-        packed([tmp_path / "one"])
+        packed([tmp_path / "one"], weights)
 
 
 class TestShipped:
