@@ -41,12 +41,12 @@ class Learner(Protocol):
 class Ours:
     """This trainer at its default preset, its schedule as long as it takes."""
 
-    def __init__(self, scenario: Scenario, seed: int) -> None:
+    def __init__(self, scenario: Scenario, seed: int, device: str = "cpu") -> None:
         from trainers import Trainer
 
         steps = OUR_STEPS[scenario.reward.kind]
         self.scenario = load_scenario(scenario, {"training.steps": steps})
-        self._trainer = Trainer(self.scenario, seed)
+        self._trainer = Trainer(self.scenario, seed, device)
 
     def learn(self) -> int:
         self._trainer.iterate()
@@ -255,7 +255,7 @@ def as_liked(scenario: Scenario) -> Scenario:
     return load_scenario(scenario, {"observation.kind": "scaled", "observation.time": True})
 
 
-LEARNERS: dict[str, Callable[[Scenario, int], Learner]] = {
+LEARNERS: dict[str, Callable[..., Learner]] = {
     "this trainer": Ours,
     "Stable-Baselines3, paper's settings": StableBaselines3,
     "Stable-Baselines3, 16 environments": StableBaselines3Sixteen,

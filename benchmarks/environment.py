@@ -166,25 +166,35 @@ def particles(agents: int) -> Callable[[], Any]:
     return make
 
 
-def vmas_batch(agents: int, copies: int = 4096, steps: int = 100) -> Callable[[str], float]:
+def vmas_batch(
+    agents: int, copies: int = 4096, steps: int = 100, device: str = "cpu"
+) -> Callable[[str], float]:
     """VMAS's simple spread, in a batch on torch."""
+    synchronise = torch.cuda.synchronize if device == "cuda" else lambda: None
 
     def measure(_: str) -> float:
         import vmas
 
         env = vmas.make_env(
-            "simple_spread", copies, device="cpu", continuous_actions=False, seed=0, n_agents=agents
+            "simple_spread",
+            copies,
+            device=device,
+            continuous_actions=False,
+            seed=0,
+            n_agents=agents,
         )
         generator = torch.Generator().manual_seed(0)
         choices = [space.n for space in env.action_space]
         actions = [
-            [torch.randint(n, (copies,), generator=generator) for n in choices]
+            [torch.randint(n, (copies,), generator=generator).to(device) for n in choices]
             for _ in range(steps)
         ]
         env.reset()
+        synchronise()
         started = time.perf_counter()
         for action in actions:
             env.step(action)
+        synchronise()
         return steps * copies / (time.perf_counter() - started)
 
     return measure

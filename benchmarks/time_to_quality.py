@@ -33,7 +33,7 @@ class Outcome(NamedTuple):
     mean_aoi: float
 
 
-def learn(name: str, scenario: str, seed: int) -> None:
+def learn(name: str, scenario: str, seed: int, device: str) -> None:
     """In a process of its own: learn, and print a line after every bit of it, without end."""
     import torch
     from contestants import LEARNERS
@@ -41,17 +41,26 @@ def learn(name: str, scenario: str, seed: int) -> None:
     from iout_marl import evaluate, load_scenario
 
     torch.set_num_threads(1)
-    learner = LEARNERS[name](load_scenario(scenario), seed)
+    where = {"device": device} if name == OURS else {}
+    learner = LEARNERS[name](load_scenario(scenario), seed, **where)
     while True:
         steps = learner.learn()
         metrics = evaluate(learner.scenario, learner.policy(), episodes=1).metrics
         print(json.dumps([steps, metrics["mean_aoi"].mean]), flush=True)
 
 
-def race(name: str, scenario: str, seed: int, limit_s: float) -> Outcome:
-    """Run a learner until it reaches the scenario's target, or to the limit."""
+def race(name: str, scenario: str, seed: int, limit_s: float, device: str = "cpu") -> Outcome:
+    """Run a learner until it reaches the scenario's target, or to the limit.
+
+    Args:
+        name: the learner.
+        scenario: what it learns.
+        seed: its seed.
+        limit_s: the limit.
+        device: where this trainer learns; the others do on a CPU.
+    """
     started = time.perf_counter()
-    command = [sys.executable, __file__, "--learn", name, scenario, str(seed)]
+    command = [sys.executable, __file__, "--learn", name, scenario, str(seed), device]
     steps, aoi = 0, float("inf")
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -92,11 +101,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5, help="of this trainer")
     parser.add_argument("--others", type=int, default=1, help="seeds of the others")
     parser.add_argument("--limit", type=float, default=300.0, help="seconds")
-    parser.add_argument("--learn", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--learn", nargs=4, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.learn:
-        name, scenario, seed = options.learn
-        learn(name, scenario, int(seed))
+        name, scenario, seed, device = options.learn
+        learn(name, scenario, int(seed), device)
     from contestants import LEARNERS
 
     print(machine.describe())
