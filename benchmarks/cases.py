@@ -68,7 +68,8 @@ class Step(NamedTuple):
 def play(case: Case, given: Given, path: Path, limit_s: float) -> None:
     """In a process of its own: run a case, and write a line for every row."""
     faulthandler.enable()
-    faulthandler.dump_traceback_later(limit_s, exit=True)
+    left_s = limit_s - (time.perf_counter() - STARTED)
+    faulthandler.dump_traceback_later(max(left_s, 0.1), exit=True)
     with path.open("a", encoding="utf-8") as file:
 
         def write(line: Row) -> None:
@@ -79,6 +80,10 @@ def play(case: Case, given: Given, path: Path, limit_s: float) -> None:
                 write({"row": {key: _finite(value) for key, value in row.items()}})
         except LeftOut as reason:
             write({"left out": str(reason)})
+        except Exception as error:
+            first = str(error).strip().partition("\n")[0]
+            write({"error": f"{type(error).__name__}: {first}"})
+            raise
 
 
 def _finite(value: Any) -> Any:
@@ -120,13 +125,18 @@ def run(step: str, case: str, given: Given, limit_s: float) -> dict[str, Any]:
     }
     if is_interrupted:
         return {**found, "state": INTERRUPTED, "reason": "by the user"}
-    reasons = [line["left out"] for line in lines if "left out" in line]
-    if code == 0 and reasons:
-        return {**found, "state": "left out", "reason": reasons[0]}
+    last = lines[-1] if lines else {}
+    if code == 0 and "left out" in last:
+        return {**found, "state": "left out", "reason": last["left out"]}
     if code == 0:
         return found
-    state, reason = _why(code, printed, limit_s)
-    return {**found, "state": state, "reason": reason, "printed": printed[-KEPT:]}
+    state, reason = why(code, printed, limit_s)
+    return {
+        **found,
+        "state": state,
+        "reason": last.get("error", reason),
+        "printed": printed[-KEPT:],
+    }
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
@@ -138,8 +148,14 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         process.kill()
 
 
-def _why(code: int | None, printed: str, limit_s: float) -> tuple[str, str]:
-    """State and reason of a case that has not come to its end."""
+def why(code: int | None, printed: str, limit_s: float) -> tuple[str, str]:
+    """State and reason of a case that has not come to its end.
+
+    Args:
+        code: its exit status; None where it had to be killed.
+        printed: what it has printed.
+        limit_s: how long it was given.
+    """
     place = re.findall(r"\(most recent call first\):\n +(File .*)", printed)
     # The main thread comes last.
     at = f", {place[-1]}" if place else ""

@@ -702,7 +702,7 @@ def gymnax_cartpole(given: Given) -> Iterator[Row]:
         def play_on(carried: Any, key: Any) -> tuple[Any, None]:
             keys = jax.random.split(key, envs)
             action = jax.random.randint(key, (envs,), 0, 2)
-            observation, state, reward, _, _ = step(keys, carried[1], action, params)
+            observation, state, reward, *_ = step(keys, carried[1], action, params)
             return (observation, state, reward), None
 
         @jax.jit
