@@ -119,6 +119,7 @@ def forget(device: str) -> None:
     """Give back the memory of what was measured before."""
     gc.collect()
     if device == "cuda":
+        torch.cuda.init()
         torch.cuda.empty_cache()
         torch.cuda.reset_peak_memory_stats()
 
@@ -406,6 +407,8 @@ def training(
         return {**found, "ready after s": ready_s, **memory(device)}
 
     def measure(given: Given) -> Iterator[Row]:
+        if on_cpu and given.device == "cpu":
+            raise LeftOut("it is what was measured above")
         device = "cpu" if on_cpu else given.device
         if device == "cpu" and not use_graphs:
             raise LeftOut("a CPU has no graphs")
@@ -426,6 +429,8 @@ def to_quality(*, on_cpu: bool = False) -> Case:
     """Seconds from the start of a process to a policy of a certain quality."""
 
     def measure(given: Given) -> Iterator[Row]:
+        if on_cpu and given.device == "cpu":
+            raise LeftOut("it is what was measured above")
         device = "cpu" if on_cpu else given.device
         for seed in range(1 if given.quick else 3):
             limit_s = 20.0 if given.quick else 120.0
