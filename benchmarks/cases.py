@@ -87,6 +87,7 @@ def play(case: Case, given: Given, path: Path) -> None:
             first = str(error).strip().partition("\n")[0]
             write({"error": f"{type(error).__name__}: {first}"})
             raise
+    faulthandler.cancel_dump_traceback_later()
 
 
 def _finite(value: Any) -> Any:
