@@ -230,7 +230,7 @@ def test_what_the_machine_refuses(refused, monkeypatch, error, expected):
     def fail():
         raise error
 
-    monkeypatch.setattr("iout_marl.cli.bundled_names", fail)
+    monkeypatch.setattr("iout_marl.cli_show.bundled_names", fail)
     assert refused("scenarios") == expected
 
 
