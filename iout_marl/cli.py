@@ -15,7 +15,13 @@ from iout_marl import __version__, startup
 from iout_marl.cli_errors import notes_in_a_line, reason_of
 from iout_marl.cli_looks import LOOKS
 from iout_marl.files import inputs_noted
-from iout_marl.terminal import complain, finish_output, prepare_streams, present
+from iout_marl.terminal import (
+    complain,
+    finish_output,
+    imports_uninterrupted,
+    prepare_streams,
+    present,
+)
 
 #: Every command: where it is, and how its help begins.
 COMMANDS = {
@@ -74,7 +80,8 @@ class _Loaded(MutableMapping[str, Any]):
     def __getitem__(self, name: str) -> Any:
         if name not in self._known:
             module, _, item = COMMANDS[name][0].partition(":")
-            found = getattr(importlib.import_module(f"iout_marl.{module}"), item)
+            with imports_uninterrupted():
+                found = getattr(importlib.import_module(f"iout_marl.{module}"), item)
             if not isinstance(found, typer.Typer):
                 alone = typer.Typer(**LOOKS)
                 alone.command(name)(found)
@@ -169,7 +176,8 @@ def _run(arguments: list[str]) -> tuple[int, str]:
         with inputs_noted(), notes_in_a_line():
             command = typer.main.get_command(app)
             with command.make_context("iout", list(arguments) or ["--help"]) as context:
-                import numpy as np  # for which help need not wait
+                with imports_uninterrupted():
+                    import numpy as np  # for which help need not wait
 
                 # What is too large to compute with, results say: a warning would say it elsewhere.
                 with np.errstate(all="ignore"):

@@ -211,7 +211,7 @@ def test_a_working_folder_that_is_gone():
     assert err == "iout: the working folder is gone: change to one that is there\n"
 
 
-@pytest.mark.parametrize("after", ["numpy", "pettingzoo", "typer"])
+@pytest.mark.parametrize("after", ["numpy", "pydantic", "typer", "iout_marl.outlook"])
 def test_ctrl_c_during_imports(tmp_path, after):
     """Python's own start aside, there is no moment at which Ctrl-C shows a traceback."""
     (tmp_path / "site").mkdir()
