@@ -34,7 +34,9 @@ def test_scenario_is_as_recorded(name):
         if IS_SAME_MACHINE:
             assert now["real"] == then["real"]
         for what in ("sums", "energy_j"):
-            np.testing.assert_allclose(now[what], then[what], rtol=1e-12)
+            # Stores that are spent hold what rounding leaves: that of 500 J, in fact.
+            rounding = 1e-12 * np.abs(then[what]).max()
+            np.testing.assert_allclose(now[what], then[what], rtol=1e-12, atol=rounding)
         assert now["metrics"].keys() >= then["metrics"].keys()
         for metric, values in then["metrics"].items():
             np.testing.assert_allclose(now["metrics"][metric], values, rtol=1e-12)

@@ -106,8 +106,10 @@ def test_two_processes_learn_what_one_does(scenario_file, tiny, tmp_path, change
     alone = train(tiny({"training.steps": 400, **changes}), tmp_path / "one", seed=4)
     two = RunFolder(tmp_path / "two")
     ours, theirs = (load_file(run.path / "policy.safetensors") for run in (two, alone.run))
+    # A bias that a softmax takes away again has a gradient of rounding alone, which Adam makes
+    # steps of: up to 2e-5 here, where what is learnt moves by 2e-2.
     for name, tensor in theirs.items():
-        torch.testing.assert_close(ours[name], tensor, rtol=1e-4, atol=1e-5, msg=name)
+        torch.testing.assert_close(ours[name], tensor, rtol=1e-4, atol=1e-4, msg=name)
     lines = [
         [json.loads(line) for line in run.metrics_path.read_text().splitlines()]
         for run in (two, alone.run)
