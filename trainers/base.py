@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import torch
 from torch import Tensor
@@ -15,8 +16,9 @@ from iout_marl.scenario import AnyScenario, Overrides, Scenario, Training, load_
 from iout_marl.world import pin_layout
 from trainers.accel import Runtime
 from trainers.accel.processes import ProcessGroup
-from trainers.collector import Collector
+from trainers.collector import NUMPY_DEVICES, Collector
 from trainers.factory import make_network
+from trainers.imitation import Teacher
 from trainers.memory import enough_memory
 from trainers.minibatches import Minibatches
 from trainers.networks import ActorCritic, stacked
@@ -114,6 +116,8 @@ class BaseTrainer(ABC):
         )
         self._capture()
         self.env_steps = 0
+        self._teachers: WeakKeyDictionary[Collector, Teacher] = WeakKeyDictionary()
+        self._check_imitation()
 
     def _make_network(self, seed: int) -> ActorCritic:
         world = self.collector.world
@@ -139,6 +143,37 @@ class BaseTrainer(ABC):
     def finish_turn(self, figures: dict[str, float]) -> dict[str, float]:
         """What else there is to log of the turn, by what is logged of it anyway."""
         return {} if self._turns is None else self._turns.finish(self.turn, figures)
+
+    def _check_imitation(self) -> None:
+        """Refuse what no teacher can show."""
+        if self.settings.imitate is None:
+            return
+        if self.runtime.device.type not in NUMPY_DEVICES:
+            raise InputError(
+                "training.imitate: other policies play on a CPU: train with --device cpu"
+            )
+        slots, rollout = self.source.num_slots, self.settings.rollout_slots
+        if rollout % slots and not self.settings.over:
+            raise InputError(
+                "training.imitate: a teacher shows whole episodes, but training.rollout_slots: "
+                f"{rollout} is no multiple of their {slots} slots"
+            )
+        self._teacher()
+
+    def _teacher(self) -> Teacher | None:
+        """Whose actions this iteration learns; None where it is PPO's."""
+        settings, collector = self.settings, self.turn.collector
+        name, last = settings.imitate, settings.imitation_share * settings.steps
+        if name is None or self.env_steps >= last:
+            return None
+        if collector not in self._teachers:
+            draw = self.turn.draw
+            scenario = self.scenario if draw is None else draw.scenario
+            self._teachers[collector] = Teacher(
+                scenario, collector.world.num_envs, name, self.seeds
+            )
+        self._teachers[collector].begin(self.env_steps, self.env_steps / last)
+        return self._teachers[collector]
 
     def scaled_reward(self, rollout: Rollout) -> Tensor:
         """A rollout's rewards, of the scale on which the critic works."""

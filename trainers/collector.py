@@ -20,6 +20,7 @@ from iout_marl.world import Chance, State, World, node_codes, redraws_every_epis
 from iout_marl.world.chance import completed, first_of_current
 from trainers.accel import Runtime
 from trainers.accel.graphs import write_over
+from trainers.imitation import Teacher
 from trainers.networks import ActorCritic, uniform_noise
 from trainers.rollout import Rollout, RolloutStorage, policies_first
 from trainers.timing import PhaseTimer
@@ -169,7 +170,13 @@ class Collector:
 
     @torch.no_grad()
     def collect(
-        self, network: ActorCritic, slots: int, *, use_mask: bool, timer: PhaseTimer | None = None
+        self,
+        network: ActorCritic,
+        slots: int,
+        *,
+        use_mask: bool,
+        timer: PhaseTimer | None = None,
+        teacher: Teacher | None = None,
     ) -> Rollout:
         """Run the policy for `slots` slots of every environment.
 
@@ -178,15 +185,17 @@ class Collector:
             slots: how long.
             use_mask: keep to the actions that the world's mask allows.
             timer: books the time to `environment`, `inference` and `rollout`, the rest.
+            teacher: whose actions are kept, and mostly played, in place of the policy's.
         """
         world, timer = self.world, timer or PhaseTimer()
-        storage, captured = self._allocate(network, slots, use_mask=use_mask)
+        is_shown = teacher is not None
+        storage, captured = self._allocate(network, slots, use_mask=use_mask, is_shown=is_shown)
         rollout = storage.rollout
         values_at_end: dict[int, Tensor] = {}
         timer("rollout")
         for t in range(slots):
             if captured is None:
-                self.state = self._collect_slot(network, storage, t, timer)
+                self.state = self._collect_slot(network, storage, t, timer, teacher)
             else:
                 captured.collect_slot()
                 timer("rollout")
@@ -214,7 +223,7 @@ class Collector:
         return rollout
 
     def _allocate(
-        self, network: ActorCritic, slots: int, *, use_mask: bool
+        self, network: ActorCritic, slots: int, *, use_mask: bool, is_shown: bool
     ) -> tuple[RolloutStorage, _CapturedSlots | None]:
         """Memory for a rollout, with its noise; where slots are captured, always the same."""
         noise, chance = self.uniform_noise(slots), self.draw_chance(slots)
@@ -233,6 +242,7 @@ class Collector:
             choices=sum(self.world.action_sizes),
             keep_observations=network.scaler.running,
             use_mask=use_mask,
+            is_shown=is_shown,
             chance=chance,
         )
         if not self._captures:
@@ -250,7 +260,12 @@ class Collector:
         storage.row += 1
 
     def _collect_slot(
-        self, network: ActorCritic, storage: RolloutStorage, t: int | Tensor, timer: PhaseTimer
+        self,
+        network: ActorCritic,
+        storage: RolloutStorage,
+        t: int | Tensor,
+        timer: PhaseTimer,
+        teacher: Teacher | None = None,
     ) -> State:
         """One slot, written to row `t` of the rollout: the state after it.
 
@@ -259,6 +274,7 @@ class Collector:
             storage: the rollout, and what is drawn for it.
             t: which slot of it; where one capture serves all, (1,) int64 on the device.
             timer: books the time.
+            teacher: as for `collect`.
         """
         world = self.world
         observation = self.observe()
@@ -269,6 +285,9 @@ class Collector:
         inputs = network.scaler(observation)
         noise = storage.at(storage.noise, t)
         action, log_probability = network.act(inputs, mask, noise)
+        played = action
+        if teacher is not None:
+            action, played = teacher.shows(self.state, action, self.num_envs, self._own)
         timer("inference")
         storage.write(
             t,
@@ -280,7 +299,7 @@ class Collector:
             log_probability=log_probability,
         )
         timer("rollout")
-        world_action = action.reshape(world.num_envs, *action.shape[-2:])
+        world_action = played.reshape(world.num_envs, *played.shape[-2:])
         state, terms, reward = self._player.step(
             self.state,
             world_action.numpy() if world.backend.xp is np else world_action,

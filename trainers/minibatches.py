@@ -16,7 +16,7 @@ class Minibatches:
     """Cuts the samples of all processes into minibatches; each process has its own part of them.
 
     Args:
-        settings: how many epochs and minibatches, and whether advantages are normalised.
+        settings: how many minibatches, and whether advantages are normalised.
         num_auvs: samples of one environment in one slot.
         generators: the stream of each policy, from which the orders are drawn.
         runtime: the processes.
@@ -34,9 +34,9 @@ class Minibatches:
         self._generators = generators
         self._runtime = runtime
 
-    def orders(self, slots: int) -> Iterator[Tensor]:
+    def orders(self, slots: int, epochs: int) -> Iterator[Tensor]:
         """A new order of the samples of so many slots for each epoch: (policies, samples)."""
-        for _ in range(self._settings.epochs):
+        for _ in range(epochs):
             orders = [
                 torch.randperm(slots * self._row, generator=each, device=self._runtime.device)
                 for each in self._generators

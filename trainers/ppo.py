@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from trainers.base import BaseTrainer
+from trainers.imitation import imitation_loss
 from trainers.memory import enough_memory
 from trainers.moments import Moments
 from trainers.networks import Scaler
@@ -48,7 +49,8 @@ class Trainer(BaseTrainer):
             - `family/NAME/aoi`, `family/NAME/gap`: mean AoI of the family that was drawn of
               `training.over`, and by how much it exceeds the scheduling bound, relatively;
             - `reward/…`: mean of each term of the reward a slot, and their `total`;
-            - `ppo/loss`, and its terms `ppo/policy_loss`, `ppo/value_loss`, `ppo/entropy`;
+            - `ppo/loss`, and its terms `ppo/policy_loss` (of a teacher's actions the
+              cross-entropy), `ppo/value_loss`, `ppo/entropy`;
               `ppo/kl`: mean Kullback-Leibler divergence from the policy of the rollout,
               (r − 1) − log r; `ppo/clip_fraction`: share of ratios that were clipped;
               `ppo/explained_variance`: of the returns, by the critic of the rollout;
@@ -61,10 +63,16 @@ class Trainer(BaseTrainer):
         settings, timer = self.settings, PhaseTimer()
         learning_rate = self._learning_rate()
         turn = self.turn = self.next_turn()
+        teacher = self._teacher()
         rollout = turn.collector.collect(
-            turn.network, turn.slots, use_mask=settings.mask_actions, timer=timer
+            turn.network,
+            turn.slots,
+            use_mask=settings.mask_actions,
+            timer=timer,
+            teacher=teacher,
         )
-        orders = turn.minibatches.orders(turn.slots)
+        epochs = settings.epochs if teacher is None else settings.imitation_epochs
+        orders = turn.minibatches.orders(turn.slots, epochs)
         figures = {**rollout.log(), **self._captured_update(rollout, orders, learning_rate)}
         columns = torch.stack([f.double() for f in figures.values()]).cpu()
         self.env_steps += turn.env_steps
@@ -136,15 +144,19 @@ class Trainer(BaseTrainer):
             learning_rate: of this step.
         """
         settings, network = self.settings, self.turn.network
-        actor = policy_loss(
-            network.logits(batch["inputs"], batch.get("mask"), batch["action"]),
-            batch["action"],
-            batch["log_probability"],
-            batch["advantage"],
-            settings.clip,
-            settings.entropy_coefficient,
-            samples,
-        )
+        logits = network.logits(batch["inputs"], batch.get("mask"), batch["action"])
+        if "log_probability" in batch:
+            actor = policy_loss(
+                logits,
+                batch["action"],
+                batch["log_probability"],
+                batch["advantage"],
+                settings.clip,
+                settings.entropy_coefficient,
+                samples,
+            )
+        else:  # a teacher's action
+            actor = imitation_loss(logits, batch["action"], settings.entropy_coefficient, samples)
         value = network.normalised_value(batch.get("critic_inputs", batch["inputs"]))
         value_loss = (value - batch["returns"]).square().sum(-1) / samples
         loss = actor.loss + settings.value_coefficient * value_loss

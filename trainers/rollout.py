@@ -26,7 +26,7 @@ class Rollout:
     critic_inputs: Tensor  # (…, entries) float32, scaled as the critic saw it
     mask: Tensor | None  # (…, choices) bool, where masks are in use
     action: Tensor  # (…, action entries) int64
-    log_probability: Tensor  # float32
+    log_probability: Tensor | None  # float32; None where a teacher has chosen the actions
     value: Tensor  # float32
     reward: Tensor  # float32, as the world gives it
     truncated: Tensor  # (slots,) bool: the episode ended with this slot
@@ -77,6 +77,7 @@ class RolloutStorage:
         choices: int,
         keep_observations: bool,
         use_mask: bool,
+        is_shown: bool,
         chance: dict[str, Tensor],
     ) -> RolloutStorage:
         """Memory for a rollout.
@@ -89,6 +90,7 @@ class RolloutStorage:
             choices: of all entries of an action together.
             keep_observations: keep them as the world gives them, too.
             use_mask: keep masks.
+            is_shown: a teacher chooses the actions.
             chance: see there.
         """
 
@@ -103,7 +105,7 @@ class RolloutStorage:
             critic_inputs=empty(entries + privileged) if privileged else inputs,
             mask=empty(choices, dtype=torch.bool) if use_mask else None,
             action=empty(noise.shape[-1], dtype=torch.int64),
-            log_probability=empty(),
+            log_probability=None if is_shown else empty(),
             value=empty(),
             reward=empty(),
             truncated=torch.zeros(shape[0], dtype=torch.bool, device=noise.device),

@@ -38,6 +38,7 @@ class _Planned(BasePolicy):
 
     #: What a search leaves to chance, a seed of its own decides.
     is_deterministic = True
+    plans_ahead = True
     searches: bool = False
 
     def __init__(

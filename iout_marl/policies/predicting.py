@@ -29,9 +29,12 @@ class BasePolicy(ABC):
 
     Attributes:
         name: what tables call it.
+        plans_ahead: whether it plans whole episodes and then keeps to the plan, rather than react
+            to what has happened.
     """
 
     name: str
+    plans_ahead: bool = False
 
     @abstractmethod
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:

@@ -99,8 +99,22 @@ class Training(Section):
     #: further the mean AoI is from the scheduling bound.
     curriculum: Literal["none", "gap"] = "none"
 
+    #: Policy, as `--policy` names it (`tour`, `return`, the folder of a run), whose actions are
+    #: learnt before PPO begins; null for none.
+    imitate: Text | None = None
+    #: Share of the steps in which that is done.
+    imitation_share: Fraction = 0.1
+    #: Passes over a rollout in these steps.
+    imitation_epochs: Annotated[Count, Plausible(1, 1000, "epochs")] = 10
+
     #: Keys that are written only where they say something.
-    written_if_set: ClassVar[dict[str, Any]] = {"over": [], "curriculum": "none"}
+    written_if_set: ClassVar[dict[str, Any]] = {
+        "over": [],
+        "curriculum": "none",
+        "imitate": None,
+        "imitation_share": 0.1,
+        "imitation_epochs": 10,
+    }
 
     @field_validator("over")
     @classmethod

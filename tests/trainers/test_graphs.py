@@ -351,7 +351,9 @@ def work_elsewhere(scenario, replicas):
     storage, _ = trainer.collector._allocate(
         trainer.network, settings.rollout_slots, use_mask=settings.mask_actions
     )
-    orders = torch.stack(list(trainer.turn.minibatches.orders(settings.rollout_slots)))
+    orders = torch.stack(
+        list(trainer.turn.minibatches.orders(settings.rollout_slots, settings.epochs))
+    )
     rate = torch.zeros((), dtype=torch.float64)
     trainer, storage, orders, rate = Elsewhere().copy((trainer, storage, orders, rate))
     collecting, network = trainer.collector, trainer.network

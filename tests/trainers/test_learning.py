@@ -165,7 +165,7 @@ def test_every_sample_is_learnt_from_once_an_epoch(tiny):
     data = {"number": torch.arange(80)[None], "advantage": torch.zeros(1, 80)}
     epochs = [
         list(trainer.turn.minibatches.cut(data, order))
-        for order in trainer.turn.minibatches.orders(20)
+        for order in trainer.turn.minibatches.orders(20, trainer.settings.epochs)
     ]
     assert len(epochs) == trainer.settings.epochs > 1
     for epoch in epochs:
