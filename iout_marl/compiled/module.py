@@ -65,7 +65,7 @@ def source_of(code: Code, dtype: str, observed: str) -> str:
         "f": f"{dtype}[:, ::1]",
         "i": "int64[:, ::1]",
         "b": "boolean[:, ::1]",
-        "a": f"{dtype}[:, :]",
+        "a": f"{dtype}[:, ::1]",
         "t": f"{dtype}[::1]",
         "n": "int64[::1]",
         "l": "boolean[::1]",

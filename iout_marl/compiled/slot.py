@@ -268,11 +268,9 @@ class CompiledSlot:
     def _drawn(self, chance: Chance | None, num_envs: int) -> list[npt.NDArray[Any]]:
         if chance is None:
             return [np.empty((num_envs, 0), self._dtype)] * len(Chance._fields)
+        # In rows: columns a power of two apart would push one another out of the cache.
         return [
-            np.moveaxis(np.asarray(numbers, self._dtype), 0, -1)
-            .reshape(math.prod(numbers.shape[1:]), num_envs)
-            .T
-            for numbers in chance
+            np.ascontiguousarray(numbers.reshape(num_envs, -1), self._dtype) for numbers in chance
         ]
 
     def state(self, rows: Rows) -> State:

@@ -5,7 +5,7 @@ Every API class is a thin translation of this class into another API.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,9 @@ _STATE_FIELDS = {
 }
 
 FloatArray = npt.NDArray[np.float32]
+#: A slot of one environment with one AUV and fewer nodes is played as plain numbers: compiled, it
+#: would take 12 µs, most of which goes to handing arrays over.
+_NODES_COMPILED = 15
 
 
 class EpisodeBatch:
@@ -141,8 +144,12 @@ class EpisodeBatch:
             slot = unrolled_slot(
                 self.scenario, with_mask=self.mask_place != "none", summed=self.world.summed
             )
-        if slot is not None:
-            return TracedStepper(slot, self.world, state, events)
+        # Of many numbers a slot takes longer number by number than it does compiled.
+        is_quick = self.world.num_auvs == 1 and self.world.num_nodes < _NODES_COMPILED
+        if slot is not None and (is_quick or self._choice.slot() is None):
+            return TracedStepper(
+                slot, self.world, state, events, None if is_quick else self._choice
+            )
         if (compiled := self._choice.slot()) is not None:
             return CompiledStepper(compiled, self.world, state, events)
         return ArrayStepper(self.world, state, events, self._choice)
@@ -303,7 +310,7 @@ class EpisodeBatch:
 
     @property
     def _slots_over(self) -> int:
-        return int(self._running.now("slot").item(0))
+        return int(self._running.first_now("slot"))
 
     def observe(self) -> FloatArray:
         """(envs, auvs, entries) observations as vectors; a fresh array each time."""
@@ -325,9 +332,34 @@ class EpisodeBatch:
         """What infos tell, by `INFO_KEYS`: (envs,) each, or (envs, auvs) of an AUV's own."""
         if self._is_apart:
             return self._info_apart()
-        now, slot = self._running.now, self._slots_over
-        last = self._running.last if slot else self._no_events
-        aoi_now = now("mean_age")
+        last = self._running.last if self._slots_over else self._no_events
+        return self._told(self._running.now, last, self._delivered)
+
+    def info_of_first(self) -> dict[str, Any]:
+        """`info` of the first environment in plain numbers: one each, or a list of the AUVs'."""
+        if self._is_apart or not self._slots_over:
+            return {name: values[0].tolist() for name, values in self.info().items()}
+        running = self._running
+
+        def delivered() -> Any:
+            polls = self.world.hearing.polls
+            return self._delivered()[0].tolist() if polls else running.first_last("delivered")
+
+        return self._told(running.first_now, running.first_last, delivered)
+
+    def _told(
+        self,
+        now: Callable[[str], Any],
+        last: Callable[[str], Any],
+        delivered: Callable[[], Any],
+    ) -> dict[str, Any]:
+        """What infos tell, where all episodes have begun together.
+
+        Args:
+            now, last: give fields of the state and of the last slot's events.
+            delivered: gives the packets of the last slot.
+        """
+        slot, aoi_now = self._slots_over, now("mean_age")
         return {
             "aoi_now": aoi_now,
             "mean_aoi": aoi_now,
@@ -337,7 +369,7 @@ class EpisodeBatch:
             "harvested_j": last("harvested_j"),
             "total_harvested_j": now("harvested_j"),
             "total_spent_j": now("spent_j"),
-            "delivered": self._delivered() if slot else last("delivered"),
+            "delivered": delivered() if slot else last("delivered"),
             "beta": last("beta"),
             "age_violations": now("capped_ages"),
         }

@@ -179,7 +179,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
 
     def _infos(self) -> dict[str, Info]:
         #: A number for all agents, or one for each of them in a list.
-        values = {name: value.tolist()[0] for name, value in self._episodes.info().items()}
+        values = self._episodes.info_of_first()
         own = {name: value for name, value in values.items() if isinstance(value, list)}
         infos: dict[str, Info] = {}
         for i, agent in enumerate(self.agents):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -51,8 +52,30 @@ class Stepper(Protocol):
         """An (envs, auvs) array of the events, by name."""
         ...
 
+    def first_now(self, name: str) -> Any:
+        """The number that `now` has for the first environment."""
+        ...
 
-class ArrayStepper:
+    def first_last(self, name: str) -> list[Any]:
+        """The numbers that `last` has for the first environment, (auvs)."""
+        ...
+
+
+class _ByArrays:
+    """What is asked for of one environment, from the arrays of all."""
+
+    now: Callable[[str], npt.NDArray[Any]]
+    last: Callable[[str], npt.NDArray[Any]]
+
+    def first_now(self, name: str) -> Any:
+        return self.now(name).item(0)
+
+    def first_last(self, name: str) -> list[Any]:
+        found: list[Any] = self.last(name)[0].tolist()
+        return found
+
+
+class ArrayStepper(_ByArrays):
     """Any number of episodes, by arrays.
 
     Args:
@@ -125,7 +148,7 @@ class _SlotStepper:
         self._state = self._events = None
 
 
-class CompiledStepper(_SlotStepper):
+class CompiledStepper(_SlotStepper, _ByArrays):
     """Any number of episodes, by a compiled slot."""
 
     def __init__(
@@ -165,11 +188,23 @@ class CompiledStepper(_SlotStepper):
 
 
 class TracedStepper(_SlotStepper):
-    """A single episode, number by number."""
+    """A single episode, number by number.
+
+    Args:
+        slot: plays it.
+        world, state, events: of the episode.
+        choice: who wants to know how long it takes.
+    """
 
     def __init__(
-        self, slot: UnrolledSlot, world: World, state: State, events: Events | None
+        self,
+        slot: UnrolledSlot,
+        world: World,
+        state: State,
+        events: Events | None,
+        choice: SlotChoice | None = None,
     ) -> None:
+        self._choice = choice
         last: Numbers = () if events is None else numbers(events)
         super().__init__(slot, world, state, events, numbers(state), last)
         #: Observations and masks, where the last slot has come with them.
@@ -179,10 +214,13 @@ class TracedStepper(_SlotStepper):
     def step(
         self, action: npt.NDArray[np.int64], chance: Chance | None = None
     ) -> npt.NDArray[np.float64]:
+        started = time.perf_counter()
         drawn = () if chance is None else numbers(chance)
         result = self._slot(self._now, action.ravel().tolist(), drawn)
         now, last, rewards, self._seen, self._masks = result
         self._arrive(now, last)
+        if self._choice is not None:
+            self._choice.seconds += time.perf_counter() - started
         return np.array([rewards])
 
     def observe(self) -> npt.NDArray[np.float32]:
@@ -200,6 +238,12 @@ class TracedStepper(_SlotStepper):
 
     def last(self, name: str) -> npt.NDArray[Any]:
         return np.array([self._last[self._slot.in_events[name]]])
+
+    def first_now(self, name: str) -> Any:
+        return self._now[self._slot.in_state[name]][0]
+
+    def first_last(self, name: str) -> list[Any]:
+        return list(self._last[self._slot.in_events[name]])
 
 
 def _observed(world: World, state: State) -> npt.NDArray[np.float32]:

@@ -5,11 +5,12 @@ import pickle
 import numpy as np
 import pytest
 
+from iout_marl import iout_v0
 from iout_marl.compiled import choice
 from iout_marl.compiled.choice import SlotChoice
 from iout_marl.compiled.slot import CompiledSlot
 from iout_marl.envs import AUVVectorEnv
-from iout_marl.envs.stepper import ArrayStepper, CompiledStepper
+from iout_marl.envs.stepper import ArrayStepper, CompiledStepper, TracedStepper
 from iout_marl.errors import InputError
 from iout_marl.scenario import load_scenario
 from iout_marl.tracing.library import UnknownOperationError
@@ -40,8 +41,27 @@ def assert_same(one, other):
         assert one.dtype == other.dtype
         np.testing.assert_array_equal(one, other)
         return
+    elif not isinstance(one, list | tuple | type({}.values())):
+        assert repr(one) == repr(other)
+        return
     for mine, yours in zip(one, other, strict=True):
         assert_same(mine, yours)
+
+
+@needs_numba
+@pytest.mark.slow
+def test_one_environment_of_several_auvs_is_the_same_compiled(when):
+    envs = []
+    for said in ("never", "always"):
+        when(said)
+        envs.append(iout_v0.parallel_env("multi/m2-k10-fdd", overrides={"nodes.count": 3}))
+    rng = np.random.default_rng(1)
+    assert_same(*(env.reset(seed=4) for env in envs))
+    while envs[0].agents:
+        sizes = envs[0].action_space(envs[0].agents[0]).nvec
+        actions = {agent: [rng.integers(n) for n in sizes] for agent in envs[0].agents}
+        assert_same(*(env.step(actions) for env in envs))
+    assert [type(env._episodes._stepper) for env in envs] == [TracedStepper, CompiledStepper]
 
 
 @needs_numba

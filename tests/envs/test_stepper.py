@@ -30,9 +30,11 @@ def test_number_by_number_is_as_by_arrays(name, mask):
         for name in ("slot", "mean_age", "age_sum", "peak_age", "jain", "harvested_j", "spent_j"):
             assert unrolled.now(name).dtype == batched.now(name).dtype
             np.testing.assert_array_equal(unrolled.now(name), batched.now(name))
+            assert repr(unrolled.first_now(name)) == repr(batched.first_now(name))
         for name in ("harvested_j", "delivered", "beta"):
             assert unrolled.last(name).dtype == batched.last(name).dtype
             np.testing.assert_array_equal(unrolled.last(name), batched.last(name))
+            assert repr(unrolled.first_last(name)) == repr(batched.first_last(name))
         for found, expected in zip(
             (*unrolled.state, *unrolled.events), (*batched.state, *batched.events), strict=True
         ):
