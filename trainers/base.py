@@ -118,6 +118,18 @@ class BaseTrainer(ABC):
         self.env_steps = 0
         self._teachers: WeakKeyDictionary[Collector, Teacher] = WeakKeyDictionary()
         self._check_imitation()
+        #: What PPO plays, and what a teacher does: whole episodes, in minibatches of like size.
+        self._turn_of_ppo = self._turn_of_teacher = self.turn
+        if self.settings.imitate is not None:
+            slots, settings = self.source.num_slots, self.settings
+            parts = max(round(settings.minibatches * slots / settings.rollout_slots), 1)
+            cut = Minibatches(
+                settings.model_copy(update={"minibatches": parts}),
+                world.num_auvs,
+                self.collector.generators,
+                self.runtime,
+            )
+            self._turn_of_teacher = self.turn._replace(minibatches=cut, slots=slots)
 
     def _make_network(self, seed: int) -> ActorCritic:
         world = self.collector.world
@@ -138,7 +150,9 @@ class BaseTrainer(ABC):
 
     def next_turn(self) -> Turn:
         """What the next iteration plays: always the same, or what is drawn of `training.over`."""
-        return self.turn if self._turns is None else self._turns.next()
+        if self._turns is not None:
+            return self._turns.next()
+        return self._turn_of_teacher if self._imitates else self._turn_of_ppo
 
     def finish_turn(self, figures: dict[str, float]) -> dict[str, float]:
         """What else there is to log of the turn, by what is logged of it anyway."""
@@ -152,28 +166,29 @@ class BaseTrainer(ABC):
             raise InputError(
                 "training.imitate: other policies play on a CPU: train with --device cpu"
             )
-        slots, rollout = self.source.num_slots, self.settings.rollout_slots
-        if rollout % slots and not self.settings.over:
-            raise InputError(
-                "training.imitate: a teacher shows whole episodes, but training.rollout_slots: "
-                f"{rollout} is no multiple of their {slots} slots"
-            )
         self._teacher()
+
+    @property
+    def _imitates(self) -> bool:
+        """Whether the next iteration learns what a teacher does."""
+        settings = self.settings
+        last = settings.imitation_share * settings.steps
+        return settings.imitate is not None and self.env_steps < last
 
     def _teacher(self) -> Teacher | None:
         """Whose actions this iteration learns; None where it is PPO's."""
         settings, collector = self.settings, self.turn.collector
-        name, last = settings.imitate, settings.imitation_share * settings.steps
-        if name is None or self.env_steps >= last:
+        if settings.imitate is None or not self._imitates:
             return None
         if collector not in self._teachers:
             draw = self.turn.draw
             scenario = self.scenario if draw is None else draw.scenario
             self._teachers[collector] = Teacher(
-                scenario, collector.world.num_envs, name, self.seeds
+                scenario, collector.world.num_envs, settings.imitate, self.seeds
             )
-        self._teachers[collector].begin(self.env_steps, self.env_steps / last)
-        return self._teachers[collector]
+        teacher = self._teachers[collector]
+        teacher.begin(self.env_steps, self.env_steps / (settings.imitation_share * settings.steps))
+        return teacher
 
     def scaled_reward(self, rollout: Rollout) -> Tensor:
         """A rollout's rewards, of the scale on which the critic works."""

@@ -209,7 +209,8 @@ def _check_callbacks(callbacks: Any) -> None:
 
 def _say_how_far(trainer: Trainer, console: Console) -> None:
     steps, each = trainer.settings.steps, trainer.steps_per_iteration
-    is_exact = not trainer.settings.over  # whose rollouts differ
+    # Their rollouts differ.
+    is_exact = not trainer.settings.over and trainer.settings.imitate is None
     if trainer.runtime.group.rank == 0 and steps % each and is_exact:
         tell(
             console,

@@ -137,10 +137,12 @@ def _ranges(
     """What has to hold, by the name of what it is about."""
     settings, scenario = trainer.settings, trainer.scenarios[policy]
     steps, per_iteration = saved["env_steps"], trainer.steps_per_iteration
-    yield "env_steps", steps >= 0 and (bool(settings.over) or steps % per_iteration == 0)
-    # Rollouts of training.over are of any length: a step or more.
-    iterations = steps if settings.over else steps // per_iteration
-    most = iterations * settings.epochs * settings.minibatches
+    # Rollouts of training.over and of teachers are of other lengths: a step or more.
+    is_even = not settings.over and settings.imitate is None
+    yield "env_steps", steps >= 0 and (not is_even or steps % per_iteration == 0)
+    iterations = steps // per_iteration if is_even else steps
+    epochs = max(settings.epochs, settings.imitation_epochs)
+    most = iterations * (settings.epochs if is_even else epochs) * settings.minibatches
     yield "optimizer.steps", 0 <= saved["optimizer"]["steps"] <= most
     if "second" in saved["optimizer"]:
         yield "optimizer.second", bool((saved["optimizer"]["second"] >= 0).all())
