@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -22,10 +22,6 @@ _BY_THE_EXPECTED = (
     "tour and planner plan for the median sea and expected deliveries, and are then played in the "
     "sea as it is drawn, without planning anew"
 )
-
-
-class _MakesPlans(Protocol):
-    def plan(self, state: State, budget: Budget, warm: Sequence[Policy], /) -> Plan: ...
 
 
 class _Planned(BasePolicy):
@@ -47,7 +43,7 @@ class _Planned(BasePolicy):
         self._budget = budget
         self._warm = tuple(warm)
         self._seed = seed
-        self._known: WeakKeyDictionary[World, tuple[_MakesPlans, list[Plan | None]]]
+        self._known: WeakKeyDictionary[World, tuple[Any, list[Plan | None]]]
         self._known = WeakKeyDictionary()
 
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:  # noqa: ARG002
@@ -66,16 +62,23 @@ class _Planned(BasePolicy):
                 # Of environments that are alike one is planned.
                 key = b"".join(np.asarray(array).tobytes() for array in here)
                 fresh.setdefault(key, (here, []))[1].append(env)
-        for here, envs in fresh.values():
-            plan = planner.plan(here, self._budget.shared(len(fresh)), self._warm)
-            for env in envs:
-                plans[env] = plan
+        if fresh:
+            made = self._plans(planner, [here for here, _ in fresh.values()])
+            for (_, envs), plan in zip(fresh.values(), made, strict=True):
+                for env in envs:
+                    plans[env] = plan
         return np.array(
             [plan.actions[slot] for plan, slot in zip(plans, slots, strict=True) if plan]
         )
 
-    def _planner(self, scenario: Scenario) -> _MakesPlans:
+    def _planner(self, scenario: Scenario) -> Any:
+        """Who makes the plans of a scenario."""
         return Planner(scenario, searches=self.searches, seed=self._seed)
+
+    def _plans(self, planner: Any, states: Sequence[State]) -> list[Plan]:
+        """A plan from each of the states, of one environment each."""
+        budget = self._budget.shared(len(states))
+        return [planner.plan(state, budget, self._warm) for state in states]
 
 
 class Tour(_Planned):
@@ -129,10 +132,14 @@ class BestOf(_Planned):
         self._policy = policy
         self._episodes, self._mirrored = episodes, mirrored
 
-    def _planner(self, scenario: Scenario) -> _MakesPlans:
+    def _planner(self, scenario: Scenario) -> Any:
         return Rehearsal(
             scenario, self._policy, self._episodes, mirrored=self._mirrored, seed=self._seed
         )
+
+    def _plans(self, planner: Any, states: Sequence[State]) -> list[Plan]:
+        made: list[Plan] = planner.plans(states)
+        return made
 
 
 def _foreseen(plan: Plan | None, state: State, *, by_time: bool) -> int | None:

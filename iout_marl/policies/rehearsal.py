@@ -10,12 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.policies.policy import Actions, Policy
-from iout_marl.policies.search import Budget
 from iout_marl.policies.simulator import Plan, rows
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World
 
 Integers = npt.NDArray[np.int64]
+#: Environments that are played side by side at most.
+_AT_ONCE = 1024
 
 
 class Mirror:
@@ -69,45 +70,78 @@ class Rehearsal:
     def __init__(
         self, scenario: Scenario, policy: Policy, episodes: int, *, mirrored: bool, seed: int
     ) -> None:
+        self._scenario = scenario
         self._policy: Any = policy
         self._seed = seed
         images = list(itertools.product((False, True), repeat=3))[: 8 if mirrored else 1]
         #: Of those before, the most probable actions are taken.
         self._first_drawn = len(images)
-        images += [images[0]] * (episodes - 1)
-        self._world = World(scenario, len(images), measured=())
-        self._mirror = Mirror(self._world, np.array(images))
+        self._images = np.array(images + [images[0]] * (episodes - 1))
+        #: By the number of states that are played from together.
+        self._worlds: dict[int, tuple[World, Mirror]] = {}
 
-    def plan(
-        self,
-        state: State,
-        budget: Budget,  # noqa: ARG002 (the number of episodes is the budget)
-        warm: Sequence[Policy],  # noqa: ARG002
-    ) -> Plan:
-        """The best of the episodes from a state of one environment on."""
-        world, rng = self._world, np.random.default_rng(self._seed)
-        state = rows(state, np.zeros(world.num_envs, dtype=np.int64))
-        states, actions = [], []
+    def plans(self, states: Sequence[State]) -> list[Plan]:
+        """The best of the episodes from each of the states, of one environment each."""
+        # Of drawn actions, each state has those that it would have alone.
+        at_once = max(_AT_ONCE // len(self._images), 1) if self._draws_nothing else 1
+        found: list[Plan | None] = [None] * len(states)
+        by_slot: dict[int, list[int]] = {}
+        for i, state in enumerate(states):
+            by_slot.setdefault(int(state.slot[0]), []).append(i)
+        for same in by_slot.values():
+            for first in range(0, len(same), at_once):
+                group = same[first : first + at_once]
+                for i, plan in zip(group, self._together([states[i] for i in group]), strict=True):
+                    found[i] = plan
+        return [plan for plan in found if plan]
+
+    @property
+    def _draws_nothing(self) -> bool:
+        return len(self._images) == self._first_drawn
+
+    def _together(self, states: Sequence[State]) -> list[Plan]:
+        """`plans` of states in the same slot."""
+        count, episodes = len(states), len(self._images)
+        if count not in self._worlds:
+            world = World(self._scenario, count * episodes, measured=())
+            self._worlds[count] = world, Mirror(world, np.tile(self._images, (count, 1)))
+        world, mirror = self._worlds[count]
+        rng = np.random.default_rng(self._seed)
+        every = _joined(states)
+        state = rows(every, np.repeat(np.arange(count), episodes))
+        before, actions = [], []
         for _ in range(max(world.num_slots - int(state.slot[0]), 1)):
-            action = self._actions(state, rng)
-            states.append(state)
+            action = self._actions(world, mirror, state, rng)
+            before.append(state)
             actions.append(action)
             state, _ = world.step(state, action, world.expected)
-        best = int(np.argmin(state.age_sum))
-        before = [rows(each, np.array([best])) for each in states]
-        together = State(*(np.concatenate(values) for values in zip(*before, strict=True)))
-        return Plan(together, np.array(actions)[:, best], float(state.age_sum[best]))
+        best = state.age_sum.reshape(count, episodes).argmin(-1) + episodes * np.arange(count)
+        return [
+            Plan(
+                _joined([rows(each, np.array([env])) for each in before]),
+                np.array(actions)[:, env],
+                float(state.age_sum[env]),
+            )
+            for env in best.tolist()
+        ]
 
-    def _actions(self, state: State, rng: np.random.Generator) -> Actions:
+    def _actions(
+        self, world: World, mirror: Mirror, state: State, rng: np.random.Generator
+    ) -> Actions:
         policy, was_sampled = self._policy, self._policy.sampled
-        seen, drawn = self._mirror.state(state), len(state.cell) > self._first_drawn
+        seen = mirror.state(state)
         try:
             policy.sampled = False
-            action = policy.act(self._world, seen, rng)
-            if drawn:
+            action = policy.act(world, seen, rng)
+            if not self._draws_nothing:
                 policy.sampled = True
-                others = policy.act(self._world, seen, rng)
+                others = policy.act(world, seen, rng)
                 action = np.concatenate([action[: self._first_drawn], others[self._first_drawn :]])
         finally:
             policy.sampled = was_sampled
-        return self._mirror.action(action.astype(np.int64))
+        return mirror.action(action.astype(np.int64))
+
+
+def _joined(states: Sequence[State]) -> State:
+    """The environments of all states, one after the other."""
+    return State(*(np.concatenate(values) for values in zip(*states, strict=True)))

@@ -24,7 +24,7 @@ from iout_marl.scenario.places import shorten
 class Training(Section):
     """Settings of PPO. `preset` names the file that gives whatever is not given here."""
 
-    #: File of training settings: a bundled one (`fast`, `paper`), or a path.
+    #: File of training settings: a bundled one (`fast`, `short`, `paper`), or a path.
     preset: Text
     #: Environment steps (one slot of one environment) to train for.
     steps: Annotated[Count, Plausible(1, 10**11, "steps")]
