@@ -6,6 +6,7 @@ and in time division, as far as the part's role goes with these.
 
 from __future__ import annotations
 
+import functools
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -96,6 +97,11 @@ TABLES: Mapping[str, tuple[str, dict[str, Any]]] = {
 }
 #: Roles of parts that may be for tables.
 IN_TABLES = ("observation entry", "network")
+#: What a training is tested in: of a world it knows sizes alone, of observations and of actions.
+OF_TRAINING: Mapping[str, tuple[str, ...]] = {
+    "network": ("3 AUVs, FDD", "3 AUVs, TDD, one band", "1 AUV, TDD", *TABLES),
+    "optimizer": ("3 AUVs, FDD", "1 AUV, TDD"),
+}
 #: Sums in another order, or by another library.
 ROUNDING = 1e-9
 
@@ -225,14 +231,23 @@ class _Subject:
 
 def _bases(role: str, overrides: Overrides) -> Iterator[tuple[str, Scenario]]:
     """Scenarios for a part of a role, by name."""
-    worlds = {**WORLDS, **TABLES} if role in IN_TABLES else WORLDS
-    for name, (base, changes) in worlds.items():
+    for name in {**WORLDS, **TABLES} if role in IN_TABLES else WORLDS:
         # A duplex part stands in for either; its worlds are those for the paper's first.
         is_out = {"beta rule": "TDD" not in name, "duplex": "FDD" not in name}
-        if not is_out.get(role) and not (role == "access" and "one band" in name):
-            more = _with_modems(name) if role in WITH_MODEMS else {}
-            found = load_scenario(load_scenario(base, changes | more), WITH_MODEMS.get(role, {}))
-            yield name, load_scenario(found, overrides)
+        if (
+            not is_out.get(role)
+            and not (role == "access" and "one band" in name)
+            and name in OF_TRAINING.get(role, (name,))
+        ):
+            yield name, load_scenario(_base(name, role if role in WITH_MODEMS else ""), overrides)
+
+
+@functools.cache
+def _base(name: str, role: str) -> Scenario:
+    """One of the worlds, with modems for a role that has them."""
+    base, changes = {**WORLDS, **TABLES}[name]
+    more = _with_modems(name) if role else {}
+    return load_scenario(load_scenario(base, changes | more), WITH_MODEMS.get(role, {}))
 
 
 def _with_modems(name: str) -> dict[str, Any]:
@@ -356,14 +371,12 @@ def _compare_slots(found: list[Slot], expected: list[Slot], rounding: float) -> 
         compare(one.values, other.values, rounding, f"slot {number}: ")
 
 
-def _single(_: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
+def _single(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
     """An environment of one's own, traced or on arrays, equals the batch."""
-    seed = seeds[0]
-    world = World(scenario)
-    actions = actions_for(world, seed)
-    slots = episode(world, first_state(world, [seed]), actions, chance=chance_for(world, [seed]))
+    actions = actions_for(World(scenario, len(seeds)), seeds[0])
+    slots = subject.played(scenario, seeds)
     env = iout_v0.parallel_env(scenario)
-    env.reset(seed=seed)
+    env.reset(seed=seeds[0])
     for number, (slot, action) in enumerate(zip(slots, actions, strict=True)):
         given = dict(zip(env.possible_agents, action[0], strict=True))
         observations, rewards = env.step(given)[:2]

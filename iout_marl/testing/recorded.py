@@ -189,7 +189,15 @@ def compare(found: Any, expected: Any, rounding: float, message: str) -> None:
     """
     if isinstance(expected, Mapping):
         for name, values in expected.items():
-            compare(found[name], values, rounding, f"{message}{name} ")
+            one = found[name]
+            # Most are: the same bytes need no second look.
+            if not (
+                isinstance(values, np.ndarray)
+                and one.dtype == values.dtype
+                and one.shape == values.shape
+                and one.tobytes() == values.tobytes()
+            ):
+                compare(one, values, rounding, f"{message}{name} ")
         return
     if isinstance(expected, tuple):
         for one, other in zip(found, expected, strict=True):

@@ -15,7 +15,7 @@ SHORT = {
     "training.epochs": 2,
     "training.hidden_units": [8],
 }
-ITERATIONS = 3
+ITERATIONS = 2
 #: Rounding of float32, in sums of another order.
 ROUNDING = 1e-3
 

@@ -12,6 +12,8 @@ from iout_marl.testing import check_part
 
 pytestmark = pytest.mark.slow
 
+#: Two: as many environments as no world has AUVs or nodes.
+SEEDS = (0, 12345)
 CELLS = [[1, 1, 1], [4, 3, 2], [2, 3, 1], [4, 1, 1]]
 #: Levels of pressures, and energies that bind in them.
 SEA = {"channel": {"kind": "sonar", "spreading_factor": 2.0}, "charging.power_w": 2000}
@@ -146,4 +148,4 @@ CASES = [
 
 @pytest.mark.parametrize(("role", "kind", "settings"), CASES)
 def test_contracts(role, kind, settings):
-    check_part(role, kind, settings, overrides=OVERRIDES.get((role, kind), ()))
+    check_part(role, kind, settings, overrides=OVERRIDES.get((role, kind), ()), seeds=SEEDS)
