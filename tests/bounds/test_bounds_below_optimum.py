@@ -16,6 +16,7 @@ from iout_marl.bounds.lagrangian import Programme, oldest_age
 from iout_marl.bounds.lagrangian_check import proven_age_sum
 from iout_marl.bounds.prices import Prices
 from iout_marl.errors import InputError
+from iout_marl.policies import Budget, PlannerPolicy
 
 pytestmark = pytest.mark.slow
 
@@ -39,7 +40,7 @@ CASES = [
     ("tdd", "stored", "six", 1, 8, False, True),
     ("tdd", "stored", "hover", 2, 6, False, True),
 ]
-SEEDS = range(4)
+SEEDS = range(3)
 
 
 def world(case, seed):
@@ -71,7 +72,8 @@ def bounded():
     def find(case, seed):
         if (case, seed) not in known:
             scenario = world(case, seed)
-            plan = evaluate(scenario, "planner", episodes=1).metrics["mean_aoi"].mean
+            planner = PlannerPolicy(Budget(rounds=1))
+            plan = evaluate(scenario, planner, episodes=1).metrics["mean_aoi"].mean
             known[case, seed] = bound(scenario, seconds=1), plan
         return known[case, seed]
 
@@ -119,7 +121,7 @@ def test_no_check_lets_a_claim_above_the_optimum_pass(case, seed, optimum):
             verified_age_sum(scenario, certificate)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", SEEDS[:2])
 @pytest.mark.parametrize("case", [case for case in CASES if case[0] == "tdd"])
 def test_the_sharing_bound_stays_below_it_at_any_prices(case, seed, optimum, monkeypatch):
     scenario, least = world(case, seed), optimum(case, seed)

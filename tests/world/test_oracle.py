@@ -942,7 +942,11 @@ def assert_same(actual, wanted, what, tolerance):
         pytest.fail(where)
 
 
-@pytest.mark.parametrize("library", [np, torch], ids=["numpy", "torch"])
+#: Slots of an episode that each library plays: torch runs the same lines as NumPy, which plays all.
+SLOTS = {np: None, torch: 40}
+
+
+@pytest.mark.parametrize("library", SLOTS, ids=["numpy", "torch"])
 @pytest.mark.parametrize("name", NAMES)
 def test_world_agrees_with_the_oracle_in_every_slot(name, library):
     scenario, episodes, _ = expected(name)
@@ -952,13 +956,14 @@ def test_world_agrees_with_the_oracle_in_every_slot(name, library):
         ours = over_slots([{"first observation": world.observe(state)}])
         theirs = over_slots([{"first observation": episode.first_observation}])
         rows = []
-        for slot in episode.slots:
+        for slot in episode.slots[: SLOTS[library]]:
             action = library.asarray(np.asarray(slot.action, dtype=np.int64))
             chance = slot.chance and slot.chance.map(world.backend.floats)
             state, events = world.step(state, action, chance)
             rows.append(found(world, state, events, slot))
         ours |= over_slots(rows)
-        theirs |= said_over_slots(name)[number]
+        said_of = said_over_slots(name)[number]
+        theirs |= {what: values[: SLOTS[library]] for what, values in said_of.items()}
         assert ours.keys() == theirs.keys()
         for what, values in ours.items():
             assert_same(values, theirs[what], f"episode {number}: {what}", CASES[name].tolerance)
