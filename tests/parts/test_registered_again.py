@@ -6,6 +6,7 @@ bit; only the hash differs.
 
 import dataclasses
 import re
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from test_contracts import CELLS, OVERRIDES
 from test_contracts import SETTINGS as CONTRACTS
 from tiny_study import SameProcess, write_study
 
-from iout_marl import InputError, Trainer, bounds, evaluate, load_scenario, record_episode
+from iout_marl import InputError, Trainer, bounds, evaluate, load_scenario, record_episode, registry
 from iout_marl.bounds.check_game import finite_game, is_covered
 from iout_marl.bounds.finite_game import FiniteGame
 from iout_marl.outlook import energy_outlook
@@ -31,7 +32,7 @@ from iout_marl.study import expand, load_study, run_study
 from iout_marl.study.run import StudyFolder
 from iout_marl.testing.parts import ALONE, MODEMS, SMALL, TEAM, WITH_MODEMS
 from iout_marl.testing.recorded import actions_for, chance_for, episode, first_state
-from iout_marl.world import World
+from iout_marl.world import Events, State, World
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::iout_marl.errors.Note")]
 
@@ -106,22 +107,43 @@ TRAINING = {
     "training.hidden_units": [8],
 }
 CASES = [
-    pytest.param((registry.role, entry.kind), id=f"{registry.role}-{entry.kind}")
-    for registry in registries()
-    if registry.base is not None and issubclass(registry.base, Part)
-    for entry in registry
+    pytest.param((parts.role, entry.kind), id=f"{parts.role}-{entry.kind}")
+    for parts in registries()
+    if parts.base is not None and issubclass(parts.base, Part)
+    for entry in parts
     if not entry.is_outside
 ]
 
 
-# For all tests of a part: to register one takes time, as scenarios have other rules from then on.
+@contextmanager
+def one_change():
+    """Schemas follow what is registered meanwhile all at once: each time takes a while."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registry, "on_change", [])
+        yield
+    for act in registry.on_change:
+        act()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _registered_again():
+    """All parts, under another name."""
+    names = [case.values[0] for case in CASES]
+    with one_change():
+        for role, kind in names:
+            parts = registry_of(role)
+            parts.register(AGAIN + kind, version=1)(parts[kind].item)
+    yield
+    with one_change():
+        for role, kind in names:
+            registry_of(role).unregister(AGAIN + kind)
+
+
 @pytest.fixture(scope="module")
 def pairs(request, tmp_path_factory):
     """Scenarios with a part, and with the same part under another name."""
     role, kind = request.param
-    registry = registry_of(role)
     settings = on_disk(SETTINGS.get((role, kind), {}), tmp_path_factory.mktemp("data"))
-    registry.register(AGAIN + kind, version=1)(registry[kind].item)
 
     def make(name, changes):
         """The overrides of a bundled scenario for both, and both scenarios."""
@@ -136,8 +158,7 @@ def pairs(request, tmp_path_factory):
         return both, [load_scenario(name, overrides) for overrides in both]
 
     make.role = role
-    yield make
-    registry.unregister(AGAIN + kind)
+    return make
 
 
 OF_WORLD = [case for case in CASES if registry_of(case.values[0][0]).base.is_of_world]
@@ -209,11 +230,10 @@ def played(scenario):
     actions = actions_for(world, 0)
     chance = chance_for(world, [0, 1])
     slots = [dict(slot.values) for slot in episode(world, start, actions, chance=chance)]
-    state, masks, chance = start, [], chance_for(world, [0, 1])
-    for action in actions:
-        masks.append(world.action_mask(state))
-        state, events = world.step(state, action, next(chance))
-    snapshot = Snapshot.from_world(world, state, events)
+    states = [start, *(State(*(slot[name] for name in State._fields)) for slot in slots)]
+    masks, state = [world.action_mask(state) for state in states[:-1]], states[-1]
+    named = (f"event {name}" if name in State._fields else name for name in Events._fields)
+    snapshot = Snapshot.from_world(world, state, Events(*(slots[-1][name] for name in named)))
     observer = world.observer
     ranges = [[r.low, r.high, r.scale] for r in (observer.agent_ranges, observer.state_ranges)]
     shown = dataclasses.asdict(snapshot), as_text(snapshot), energy_outlook(scenario)

@@ -8,7 +8,7 @@ import pytest
 
 from iout_marl import InputError, World, evaluate, load_scenario
 from iout_marl.evaluation import play
-from iout_marl.policies import Budget, PlannerPolicy, make_baseline
+from iout_marl.policies import Budget, PlannerPolicy, make_baseline, search
 from iout_marl.policies.beam import BeamSearch, Weights
 from iout_marl.policies.search import Planner
 from iout_marl.policies.simulator import Simulator, rows
@@ -70,7 +70,8 @@ class TestPlans:
         assert ages[-1] < ages[0] <= tour
 
     @pytest.mark.slow
-    def test_are_the_same_by_the_same_seed(self, name, changes):
+    def test_are_the_same_by_the_same_seed(self, name, changes, monkeypatch):
+        monkeypatch.setattr(search, "ROUND_SEARCH", (192, 3))
         world, state = start(name, {**SHORT, **changes})
         plans = [
             Planner(world.scenario, searches=True, seed=seed).plan(state, Budget(rounds=2))

@@ -36,6 +36,12 @@ def points(least=1, most=14):
     return st.integers(least, most).flatmap(lambda n: arrays(float, (n, 3), elements=cells))
 
 
+def narrow(monkeypatch):
+    """For plans of which it is not asked how good they are: a narrow search."""
+    monkeypatch.setattr(search, "FIRST_SEARCH", (24, 1))
+    monkeypatch.setattr(search, "ROUND_SEARCH", (48, 3))
+
+
 def mean_age(scenario, policy, episodes=1):
     return evaluate(scenario, policy, episodes).metrics["mean_aoi"].mean
 
@@ -174,9 +180,7 @@ def test_several_take_turns_where_one_may_send(name, policy):
     ids=str,
 )
 def test_plays_any_world(name, motion, changes, policy, monkeypatch):
-    # That it plays, and not how well: a narrow search will do.
-    monkeypatch.setattr(search, "FIRST_SEARCH", (24, 1))
-    monkeypatch.setattr(search, "ROUND_SEARCH", (48, 3))
+    narrow(monkeypatch)
     scenario = load_scenario(name, {**SHORT, "auvs.motion": motion, **changes})
     world = World(scenario)
     *_, (state, _) = play(world, policy())
@@ -190,7 +194,8 @@ class TestLayouts:
     def scenario(self, name, auvs=2):
         return load_scenario(name, {**SHORT, **BY_EPISODE, "auvs.count": auvs})
 
-    def test_a_batch_is_as_its_environments_alone(self, name):
+    def test_a_batch_is_as_its_environments_alone(self, name, monkeypatch):
+        narrow(monkeypatch)
         scenario = self.scenario(name)
         together = evaluate(scenario, PlannerPolicy(Budget(rounds=4)), 4).samples["mean_aoi"]
         policy = PlannerPolicy(Budget(rounds=1))
@@ -198,7 +203,8 @@ class TestLayouts:
         assert together == pytest.approx(alone, abs=1e-9)
         assert len(set(alone)) == 4
 
-    def test_the_order_of_nodes_does_not_matter(self, name):
+    def test_the_order_of_nodes_does_not_matter(self, name, monkeypatch):
+        narrow(monkeypatch)
         world = World(self.scenario(name, auvs=1), 2)
         codes = node_codes(world.scenario, world.grid, [np.random.default_rng(3)])[0]
         order = np.random.default_rng(4).permutation(len(codes))
