@@ -6,6 +6,7 @@ graph; and what the host would wait for, or would have to bring to the device, i
 """
 
 from dataclasses import dataclass
+from operator import attrgetter
 
 import torch
 from torch.multiprocessing.reductions import StorageWeakRef
@@ -34,8 +35,9 @@ class Outside:
     storage: StorageWeakRef
     dtype: torch.dtype
     place: tuple
+    now: torch.Tensor | None = None  # while the graph is replayed
 
-    def tensor(self):
+    def found(self):
         storage = torch.UntypedStorage._new_with_weak_ptr(self.storage.cdata)
         if storage is None:
             raise MemoryGoneError
@@ -63,6 +65,15 @@ def mapped(kind, function, value):
     return value
 
 
+def holds(kind, value):
+    """Whether there is one of a kind in what an operation is given."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list | tuple):
+        return any(holds(kind, each) for each in value)
+    return isinstance(value, kind)
+
+
 def key(tensor):
     return tensor.untyped_storage()._cdata
 
@@ -72,8 +83,11 @@ class EmulatedGraph(TorchDispatchMode):
 
     def __init__(self, device):
         super().__init__()
-        self.calls = []  # function, arguments, tensors in new memory by their place in the results
+        # Function, arguments, whether some are from outside, tensors in new memory by their place
+        # in the results.
+        self.calls = []
         self.made = set()  # memory that belongs to the graph, which keeps all of it
+        self.outside = {}  # by memory, type and place there
         self.before = {}  # what memory from outside held
         self.replays = 0
 
@@ -103,7 +117,9 @@ class EmulatedGraph(TorchDispatchMode):
             if isinstance(tensor, torch.Tensor) and key(tensor) not in given
         }
         self.made |= {key(tensor) for tensor in new.values()}
-        self.calls.append((func, kept, new))
+        # What only looks at memory in another way does nothing on the device.
+        if new or func._schema.is_mutable:
+            self.calls.append((func, kept, holds(Outside, kept), new))
         return results
 
     def _kept(self, tensor):
@@ -114,15 +130,20 @@ class EmulatedGraph(TorchDispatchMode):
         if seen is None or seen[0].expired():
             seen = self.before[key(tensor)] = StorageWeakRef(storage), storage.clone()
         place = (tensor.storage_offset(), tensor.shape, tensor.stride())
-        return Outside(seen[0], tensor.dtype, place)
+        known = (seen[0], tensor.dtype, place)
+        return self.outside.setdefault(known, Outside(*known))
 
     @torch.no_grad()
     def replay(self):
         self.replays += 1
-        for func, kept, new in self.calls:
-            args, kwargs = mapped(Outside, Outside.tensor, kept)
+        for each in self.outside.values():
+            each.now = each.found()
+        for func, kept, is_outside, new in self.calls:
+            args, kwargs = mapped(Outside, attrgetter("now"), kept) if is_outside else kept
             results = func(*args, **kwargs)
             if isinstance(results, torch.Tensor):
                 results = [results]
             for place, tensor in new.items():
                 tensor.copy_(results[place])
+        for each in self.outside.values():
+            each.now = None

@@ -16,6 +16,8 @@ def needs_cuda(test):
     return pytest.mark.gpu(pytest.mark.skipif(not there, reason="no CUDA device here")(test))
 
 
+#: Episodes of ten slots, each as long as a rollout where a variant does not say otherwise.
+SHORT = {"episode.duration_s": 250, "training.rollout_slots": 10}
 TWO_AUVS = {"auvs.start_cells": [[2, 1, 1], [1, 2, 1]]}
 VARIANTS = {
     "plain": {},
@@ -61,7 +63,7 @@ def on_torch(monkeypatch):
 
 @pytest.fixture(params=VARIANTS.values(), ids=list(VARIANTS))
 def scenario(request, tiny):
-    return tiny(request.param)
+    return tiny({**SHORT, **request.param})
 
 
 def assert_alike(first, second, tolerance):

@@ -9,7 +9,7 @@ import pytest
 import torch
 from emulated_graph import EmulatedGraph, MemoryGoneError
 from seas import OF_ANY
-from test_accelerator import TWO_AUVS, assert_alike, needs_cuda
+from test_accelerator import SHORT, TWO_AUVS, assert_alike, needs_cuda
 from test_accelerator import VARIANTS as ON_ACCELERATORS
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_flatten
@@ -28,7 +28,7 @@ VARIANTS = {
     **ON_ACCELERATORS,
     "episodes across rollouts, all that is running": {
         "nodes": {"kind": "random", "count": 2},
-        "training.rollout_slots": 33,
+        "training.rollout_slots": 17,
         "training.minibatches": 3,
         "training.learning_rate_schedule": "linear",
         "training.observation_scaling": "running",
@@ -57,16 +57,18 @@ VARIANTS = {
     },
     "epochs that stop early": {"training.target_kl": 0.001, "training.rollout_slots": 13},
 }
-
+VARIANTS = {name: {**SHORT, **changes} for name, changes in VARIANTS.items()}
 
 #: Policies side by side cannot stop their epochs apart.
-CASES = [
+SIDE_BY_SIDE = {
+    n: changes for n, changes in VARIANTS.items() if "training.target_kl" not in changes
+}
+RECORDED = [
     pytest.param(changes, replicas, id=f"{name}, {replicas}")
-    for name, changes in VARIANTS.items()
+    for name, changes in SIDE_BY_SIDE.items()
     for replicas in (1, 2)
-    if replicas == 1 or "training.target_kl" not in changes
 ]
-RECORDED = [case for case in CASES if "training.target_kl" not in case.values[0]]
+CASES = [*((changes, 1) for changes in VARIANTS.values()), *((c, 2) for c in SIDE_BY_SIDE.values())]
 
 
 @pytest.fixture(params=VARIANTS.values(), ids=list(VARIANTS))
@@ -108,36 +110,39 @@ def assert_equal(first, second):
         assert torch.equal(a, b) if isinstance(a, torch.Tensor) else a == b
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("changes", "replicas"), CASES)
-def test_recorded_training_is_eager_training(tiny, emulated, changes, replicas):
-    scenario = tiny(changes)
+def eager_and_recorded(scenario, emulated, replicas=1):
+    """Two trainers, found alike after four iterations; a state after one, and the logs since."""
     eager = Trainer(scenario, 3, replicas=replicas, use_graphs=False)
+    first, middle = iterated(eager, 1), eager.state_dict()
+    since = iterated(eager, 3)
     assert not emulated
     recorded = Trainer(scenario, 3, replicas=replicas)
-    assert iterated(recorded, 4) == iterated(eager, 4)
+    assert iterated(recorded, 4) == first + since
     assert_equal(recorded, eager)
     slots = scenario.training.rollout_slots
     # The first call of each is no replay; early stops are not recorded.
     learns = [3] if scenario.training.target_kl is None else []
     assert [graph.replays for graph in emulated] == [4 * slots - 1, 3, *learns]
+    return eager, recorded, middle, since
 
 
 @pytest.mark.slow
-def test_training_goes_on_from_a_state_whatever_was_recorded(scenario, emulated):
-    eager = Trainer(scenario, 3, use_graphs=False)
-    iterated(eager, 1)
-    middle = eager.state_dict()
+def test_recorded_training_is_eager_training_and_goes_on_from_any_state(scenario, emulated):
+    eager, used, middle, expected = eager_and_recorded(scenario, emulated)
+    fresh = Trainer(scenario, 5)
     # The first call is none of a graph, the second one records it, the third one repeats it.
-    expected = iterated(eager, 3)
-    fresh, used = Trainer(scenario, 5), Trainer(scenario, 6)
-    iterated(used, 3)
     for trainer in (fresh, used):
         trainer.load_state_dict(middle)
         assert iterated(trainer, 3) == expected
         assert torch.equal(trainer.weights()["actor.0.weight"], eager.weights()["actor.0.weight"])
     eager.load_state_dict(used.state_dict())
     assert iterated(eager, 1) == iterated(used, 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("changes", SIDE_BY_SIDE.values(), ids=list(SIDE_BY_SIDE))
+def test_recorded_policies_side_by_side_are_eager_ones(tiny, emulated, changes):
+    eager_and_recorded(tiny(changes), emulated, replicas=2)
 
 
 @pytest.mark.slow
@@ -349,7 +354,7 @@ def work_elsewhere(scenario, replicas):
     trainer.iterate_all()
     settings = trainer.settings
     storage, _ = trainer.collector._allocate(
-        trainer.network, settings.rollout_slots, use_mask=settings.mask_actions
+        trainer.network, settings.rollout_slots, use_mask=settings.mask_actions, is_shown=False
     )
     orders = torch.stack(
         list(trainer.turn.minibatches.orders(settings.rollout_slots, settings.epochs))
