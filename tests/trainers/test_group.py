@@ -7,7 +7,6 @@ import socket
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import forked
 import pytest
@@ -19,7 +18,6 @@ from trainers import RunFolder, started_group, train
 
 pytestmark = pytest.mark.slow
 
-HERE = Path(__file__).parent
 VARIANTS = {
     "masks, tdd, random layouts, running normalisers": {
         "duplex.kind": "tdd",
@@ -44,20 +42,64 @@ VARIANTS = {
 
 
 TORCHRUN = "torch.distributed.run"
+#: Lets torchrun fork its processes, which lead sessions of their own as those that it starts do.
+FORKS = """
+from multiprocessing import forkserver
+
+from torch.distributed.elastic.multiprocessing.subprocess_handler import SubprocessHandler
+
+import forked
 
 
-def torchrun(*command):
-    """What torchrun is told to run a command by two processes, with a port of its own choice."""
+def popen(handler, command, environment):
+    words = ("train", *command[command.index("trainers.ppo") + 1 :])
+    options = {"streams": (0, 1, 2), "env": environment, "leads": True}
+    return forked.Iout(words, environment.get("BEFORE", ""), **options)
+
+
+SubprocessHandler._popen = popen
+# By the server that this process is from: it would start one of its own.
+forkserver._forkserver.ensure_running = lambda: None
+"""
+#: The process that LOST names dies in its training.
+DIES = """
+import os
+
+from trainers import Trainer
+
+iterate, ITERATIONS = Trainer.iterate_all, 5
+
+
+def iterate_and_die(trainer):
+    logs = iterate(trainer)
+    is_time = trainer.env_steps >= ITERATIONS * trainer.steps_per_iteration
+    if is_time and trainer.runtime.group.rank == int(os.environ["LOST"]):
+        os._exit(7)
+    return logs
+
+
+Trainer.iterate_all = iterate_and_die
+"""
+
+
+def torchrun(*words):
+    """What torchrun is told to train by two processes, with a port of its own choice."""
     return [
         *("--nnodes", "1", "--nproc-per-node", "2"),
         *("--rdzv-backend", "c10d", "--rdzv-endpoint", "localhost:0"),
-        *map(str, command),
+        *("-m", "trainers.ppo", *map(str, words)),
     ]
 
 
 def environment():
     # More threads than cores would make the processes wait for one another.
     return {**os.environ, "OMP_NUM_THREADS": "1"}
+
+
+def forking_torchrun(*words, **more):
+    """`torchrun` in a process that has everything imported, and so have those that it starts."""
+    options = {"program": TORCHRUN, "env": {**environment(), **more}}
+    return forked.Iout(torchrun(*words), FORKS, **options)
 
 
 @pytest.fixture
@@ -90,13 +132,13 @@ def side_by_side(*words, processes=2):
 
 def under_torchrun(*words):
     """A training by two processes that torchrun starts, as users do."""
-    command = [sys.executable, "-m", TORCHRUN, *torchrun("-m", "trainers.ppo", *words)]
+    command = [sys.executable, "-m", TORCHRUN, *torchrun(*words)]
     return [subprocess.run(command, capture_output=True, text=True, env=environment(), check=False)]
 
 
 @pytest.mark.parametrize(
     ("changes", "started"),
-    [*zip(VARIANTS.values(), (under_torchrun, side_by_side, under_torchrun), strict=True)],
+    [*zip(VARIANTS.values(), (under_torchrun, side_by_side, side_by_side), strict=True)],
     ids=list(VARIANTS),
 )
 def test_two_processes_learn_what_one_does(scenario_file, tiny, tmp_path, changes, started):
@@ -167,11 +209,12 @@ def test_lost_process_ends_the_training_and_leaves_a_checkpoint(
 ):
     changes = {"training.steps": 80_000, "training.checkpoint_steps": 80}
     run = tmp_path / "run"
-    command = torchrun(HERE / "lost_rank.py", scenario_file(changes), "--out", run)
-    result = forked.run(*command, program=TORCHRUN, env={**environment(), "LOST": str(lost)})
-    assert result.returncode != 0
-    assert f"iout: {run}: another process of the training was lost after" in result.stderr
-    assert "last checkpoint: " in result.stderr
+    words = (scenario_file(changes), "--out", run)
+    with forking_torchrun(*words, LOST=str(lost), BEFORE=DIES) as process:
+        _, told = process.communicate(forked.PATIENCE_S)
+    assert process.returncode != 0
+    assert f"iout: {run}: another process of the training was lost after" in told
+    assert "last checkpoint: " in told
     saved = RunFolder(run).load_checkpoint()["env_steps"]
     assert 80 <= saved <= 400
     outcome = train(tiny({"training.steps": 800}), run, resume=True)
@@ -182,8 +225,7 @@ def test_lost_process_ends_the_training_and_leaves_a_checkpoint(
 def test_stop_signal_saves_all_at_the_same_step(scenario_file, tmp_path, tiny, number):
     run = tmp_path / "run"
     endless = scenario_file({"training.steps": 10_000_000})
-    command = torchrun("-m", "trainers.ppo", endless, "--out", run)
-    with forked.Iout(command, program=TORCHRUN, env=environment()) as process:
+    with forking_torchrun(endless, "--out", run) as process:
         metrics = run / "metrics.jsonl"
         while not (metrics.is_file() and metrics.read_text().count("\n") > 3):
             assert process.poll() is None, process.communicate()
