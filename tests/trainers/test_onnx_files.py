@@ -1,8 +1,10 @@
 """A policy in ONNX finds what it finds in torch, for whatever it sees and is made of."""
 
 import os
+import runpy
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +55,9 @@ CASES = {
         "multi/m2-k10-fdd",
         {
             "observation": {"kind": "table", "view_range_m": 400},
-            "training.network": {"kind": "set", "width": 8, "heads": 2, "critic_width": 8},
+            "training.network": {
+                **{"kind": "set", "blocks": 1, "width": 8, "heads": 2, "critic_width": 8},
+            },
         },
     ),
     "tdd-as-it-is": (
@@ -82,6 +86,13 @@ def made(name, changes):
             network.scaler.shift.normal_()
             network.scaler.scale.uniform_(5, 50)
     return scenario, TrainedPolicy(network, use_mask=scenario.training.mask_actions)
+
+
+@cache
+def written(case):
+    """The file of a case."""
+    scenario, policy = made(*CASES[case])
+    return onnx_file(policy, scenario)
 
 
 def session_of(contents):
@@ -129,12 +140,12 @@ def assert_agrees(scenario, policy, contents):
 @pytest.mark.parametrize("case", [case for case in CASES if case != "table"])
 def test_onnxruntime_finds_what_torch_does(case):
     scenario, policy = made(*CASES[case])
-    assert_agrees(scenario, policy, onnx_file(policy, scenario))
+    assert_agrees(scenario, policy, written(case))
 
 
 def test_a_set_network_is_written_for_any_number_of_nodes_and_of_other_auvs():
     scenario, policy = made(*CASES["table"])
-    contents = onnx_file(policy, scenario)
+    contents = written("table")
     assert_agrees(scenario, policy, contents)
     for nodes, auvs in ((1, 2), (2, 3), (20, 5)):
         others = {"nodes": {"kind": "random", "count": nodes}, "auvs.count": auvs}
@@ -192,17 +203,11 @@ def test_what_onnxruntime_finds_is_compared(monkeypatch):
     from trainers import onnx_file as module
 
     scenario, policy = made(*CASES["paper"])
-    written = module._written
-
-    def other(graph, *rest):
-        with torch.no_grad():
-            graph.network.actor[-1].bias += 0.001
-        contents = written(graph, *rest)
-        with torch.no_grad():
-            graph.network.actor[-1].bias -= 0.001
-        return contents
-
-    monkeypatch.setattr(module, "_written", other)
+    contents = written("paper")
+    monkeypatch.setattr(module, "_written", lambda *_: contents)
+    assert onnx_file(policy, scenario) == contents
+    with torch.no_grad():
+        policy.network.actor[-1].bias += 0.001
     with pytest.raises(InputError, match=r"logits that differ from those of torch by \d"):
         onnx_file(policy, scenario)
 
@@ -249,18 +254,18 @@ def test_the_file_says_what_it_is_of(run, exported):
     assert outputs == [("action", "tensor(int64)"), ("logits", "tensor(float)")]
 
 
-def test_the_pretrained_policy_is_written_for_a_scenario_and_plays_in_others(tmp_path):
-    from iout_marl.cli import main
-
+def test_the_pretrained_policy_is_written_for_a_scenario_and_plays_in_others(
+    iout, capsys, monkeypatch, tmp_path
+):
     target = tmp_path / "any.onnx"
-    with pytest.raises(SystemExit) as ended:
-        main(["export", "pretrained", "--scenario", "best/k3-tdd", "--onnx", str(target)])
-    assert not ended.value.code
-    words = [sys.executable, str(EXAMPLES / "onnx_policy.py"), str(target), "random/k5-tdd"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
+    status, _, told = iout("export", "pretrained", "--scenario", "best/k3-tdd", "--onnx", target)
+    assert status == 0, told
+    monkeypatch.setattr(sys, "argv", ["", str(target), "random/k5-tdd"])
+    runpy.run_path(str(EXAMPLES / "onnx_policy.py"), run_name="__main__")
+    printed = capsys.readouterr()
+    assert printed.err == ""
     expected = evaluate("random/k5-tdd", "pretrained", 1).metrics["mean_aoi"].mean
-    assert float(done.stdout) == pytest.approx(expected)
+    assert float(printed.out) == pytest.approx(expected)
 
 
 def test_the_example_plays_without_torch(run, exported):
