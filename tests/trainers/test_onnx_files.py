@@ -56,7 +56,11 @@ CASES = {
         {
             "observation": {"kind": "table", "view_range_m": 400},
             "training.network": {
-                **{"kind": "set", "blocks": 1, "width": 8, "heads": 2, "critic_width": 8},
+                "kind": "set",
+                "blocks": 1,
+                "width": 8,
+                "heads": 2,
+                "critic_width": 8,
             },
         },
     ),
