@@ -27,6 +27,16 @@ def recordings():
     return [record_policy("multi/m2-k10-fdd", name, 3, overrides=SHORT) for name in names]
 
 
+def without_webgl(page):
+    """The page, to which the browser says that it has no WebGL."""
+    blinded = (
+        "<script>HTMLCanvasElement.prototype.getContext = ((get) => function (kind, ...rest) {"
+        "return kind.startsWith('webgl') ? null : get.call(this, kind, ...rest); })"
+        "(HTMLCanvasElement.prototype.getContext);</script><body>"
+    )
+    return page.replace("<body>", blinded, 1)
+
+
 @pytest.fixture(scope="module")
 def opened(browser, recordings, tmp_path_factory):
     path = tmp_path_factory.mktemp("replay") / "page.html"
@@ -36,18 +46,43 @@ def opened(browser, recordings, tmp_path_factory):
     watched.context.close()
 
 
-@pytest.fixture
-def page(opened):
-    """The page as on a light desktop, at its start. It must not complain, nor ask for anything."""
-    page = opened.page
+@pytest.fixture(scope="module")
+def opened_flat(browser, recordings, tmp_path_factory):
+    """Without WebGL, which is slow by software: for what does not depend on the view in space."""
+    path = tmp_path_factory.mktemp("flat") / "page.html"
+    path.write_text(without_webgl(render_page(recordings)), encoding="utf-8")
+    watched = Watched(browser, path.as_uri(), color_scheme="light")
+    yield watched
+    watched.context.close()
+
+
+def at_start(watched):
+    """The page as on a light desktop, at its start."""
+    page = watched.page
     page.set_viewport_size(DESKTOP)
     page.emulate_media(color_scheme="light")
     page.evaluate("() => { document.activeElement.blur(); scrollTo(0, 0); }")
     page.keyboard.press("Escape")
     page.keyboard.press("Home")
+    return page
+
+
+@pytest.fixture
+def page(opened):
+    """The page at its start. It must not complain, nor ask for anything."""
+    page = at_start(opened)
     yield page
     assert opened.complaints == []
     assert set(opened.requests) == {page.url}
+
+
+@pytest.fixture
+def flat_page(opened_flat):
+    """The same without the view in space."""
+    page = at_start(opened_flat)
+    yield page
+    assert opened_flat.complaints == []
+    assert set(opened_flat.requests) == {page.url}
 
 
 def place(page):
@@ -90,7 +125,8 @@ def test_plays_to_the_end(page, size):
     page.locator(".speed select").select_option("2")
 
 
-def test_plays_without_motion_where_none_is_wanted(page):
+def test_plays_without_motion_where_none_is_wanted(flat_page):
+    page = flat_page
     page.emulate_media(reduced_motion="reduce")
     page.locator(".speed select").select_option("32")
     page.evaluate("() => document.activeElement.blur()")
@@ -99,7 +135,8 @@ def test_plays_without_motion_where_none_is_wanted(page):
     page.emulate_media(reduced_motion="no-preference")
 
 
-def test_keys_and_buttons_step(page):
+def test_keys_and_buttons_step(flat_page):
+    page = flat_page
     for key, expected in (
         *[("ArrowRight", 1), ("ArrowRight", 2), ("ArrowLeft", 1), ("End", SLOTS)],
         *[("ArrowRight", SLOTS), ("Home", 0), ("ArrowLeft", 0)],
@@ -132,7 +169,8 @@ def test_scrub_bar_and_curves_seek(page):
     assert abs(place(page) - 0.75 * SLOTS) <= 1
 
 
-def test_every_slot_says_what_was_chosen_and_why_it_failed(page, recordings):
+def test_every_slot_says_what_was_chosen_and_why_it_failed(flat_page, recordings):
+    page = flat_page
     seen = set()
     for slot in range(SLOTS):
         page.keyboard.press("ArrowRight")
@@ -247,7 +285,8 @@ def test_texts_are_legible_in(page, theme):
     assert (image.mean() > 127) == (theme == "light")
 
 
-def test_theme_is_chosen_by_the_button(page):
+def test_theme_is_chosen_by_the_button(flat_page):
+    page = flat_page
     page.get_by_role("button", name="Dark theme").click()
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"
     page.reload()
@@ -288,8 +327,8 @@ def test_everything_is_reached_by_the_keyboard_and_has_a_name(page):
     assert {"CANVAS", "SELECT pick", "INPUT scrub", "BUTTON play", "BUTTON theme"} <= seen
 
 
-def test_fingers(browser, opened):
-    watched = Watched(browser, opened.page.url, has_touch=True, is_mobile=True)
+def test_fingers(browser, opened_flat):
+    watched = Watched(browser, opened_flat.page.url, has_touch=True, is_mobile=True)
     page = watched.page
     page.set_viewport_size(PHONE)
     page.get_by_role("button", name="One slot forward").tap()
@@ -301,16 +340,6 @@ def test_fingers(browser, opened):
     page.get_by_role("button", name="Pause").tap()
     assert watched.complaints == []
     watched.context.close()
-
-
-def without_webgl(page):
-    """The page, to which the browser says that it has no WebGL."""
-    blinded = (
-        "<script>HTMLCanvasElement.prototype.getContext = ((get) => function (kind, ...rest) {"
-        "return kind.startsWith('webgl') ? null : get.call(this, kind, ...rest); })"
-        "(HTMLCanvasElement.prototype.getContext);</script><body>"
-    )
-    return page.replace("<body>", blinded, 1)
 
 
 def test_two_large_scenarios(browser, tmp_path):
@@ -336,16 +365,11 @@ def test_two_large_scenarios(browser, tmp_path):
     watched.context.close()
 
 
-def test_maps_stand_in_where_there_is_no_webgl(browser, recordings, tmp_path):
-    path = tmp_path / "page.html"
-    path.write_text(without_webgl(render_page(recordings)), encoding="utf-8")
-    watched = Watched(browser, path.as_uri())
-    assert "no WebGL" in watched.page.locator(".no-space").first.inner_text()
-    watched.page.keyboard.press("End")
-    assert place(watched.page) == SLOTS
-    assert watched.page.locator(".flat svg").first.is_visible()
-    assert watched.complaints == []
-    watched.context.close()
+def test_maps_stand_in_where_there_is_no_webgl(flat_page):
+    assert "no WebGL" in flat_page.locator(".no-space").first.inner_text()
+    flat_page.keyboard.press("End")
+    assert place(flat_page) == SLOTS
+    assert flat_page.locator(".flat svg").first.is_visible()
 
 
 def test_nodes_that_are_polled_are_told_and_counted(browser, tmp_path):
@@ -353,7 +377,7 @@ def test_nodes_that_are_polled_are_told_and_counted(browser, tmp_path):
     overrides = polling(3, **changes, **{"auvs.idle_choices": True, "episode.duration_s": 800})
     recording = record_policy("paper/k5-fdd", "random-walk", 3, overrides=overrides)
     path = tmp_path / "page.html"
-    path.write_text(render_page([recording]), encoding="utf-8")
+    path.write_text(without_webgl(render_page([recording])), encoding="utf-8")
     watched = Watched(browser, path.as_uri(), color_scheme="light")
     page = watched.page
     told = 0
@@ -468,7 +492,7 @@ def test_an_auv_that_names_nobody_says_so_and_has_failed_in_nothing(browser, tmp
     outcome[heard == 0] = codes.index("nobody_asked") + 1
     recording = replace(recording, heard=heard, outcome=outcome)
     path = tmp_path / "page.html"
-    path.write_text(render_page([recording]), encoding="utf-8")
+    path.write_text(without_webgl(render_page([recording])), encoding="utf-8")
     watched = Watched(browser, path.as_uri(), color_scheme="light")
     page = watched.page
     for slot in range(recording.slots):
@@ -491,7 +515,7 @@ def test_mean_so_far_is_that_of_the_metric_however_ages_are_taken(browser, tmp_p
     for i, overrides in enumerate([SHORT, changes]):
         recording = record_policy("paper/k3-fdd", "tour", 0, overrides=overrides)
         path = tmp_path / f"{i}.html"
-        path.write_text(render_page([recording]), encoding="utf-8")
+        path.write_text(without_webgl(render_page([recording])), encoding="utf-8")
         watched = Watched(browser, path.as_uri())
         watched.page.keyboard.press("End")
         shown = re.search(r"so far\s+([\d.]+)", watched.page.locator("body").inner_text())[1]
