@@ -30,12 +30,12 @@ def table(tmp_path, monkeypatch, forgotten_parts, capsys):
 
 
 def test_reward(table):
-    reward = {policy: numbers[-1] for policy, numbers in table("reward").items()}
+    reward = {policy: numbers[-1] for policy, numbers in table("reward", "--steps", "12000").items()}
     assert reward["untrained"] < reward["random-walk"] < reward["greedy"] < reward["trained"] < 0
 
 
 def test_observation_entry(table):
-    found = table("observation_entry")
+    found = table("observation_entry", "--steps", "8000")
     assert [numbers[0] for numbers in found.values()] == [9, 9, 12, 12]
     assert found["greedy, as it is"][1] == found["greedy, and distances"][1]
     assert found["ppo, and distances"][1] != found["ppo, as it is"][1]
