@@ -107,7 +107,7 @@ def test_a_study_on_a_cluster_is_stopped_like_any_other(cluster, start, study, t
 
 @pytest.mark.slow
 def test_a_cluster_without_workers_is_waited_for(tmp_path):
-    with Cluster(tmp_path, workers=0) as empty:
+    with Cluster(tmp_path, workers=0, forks=True) as empty:
         pool = DaskCluster(empty.address)
         assert pool.describe() == (
             f"0 workers of the cluster: waiting for the first (dask worker {empty.address})"
@@ -217,7 +217,7 @@ def test_packages_that_differ_are_named_in_the_line_and_not_in_a_table(tmp_path,
     ours = client.version_module.get_versions
     changed = {"packages": {**ours()["packages"], "msgpack": "0.1", "python": "2.7"}}
     monkeypatch.setattr(client.version_module, "get_versions", lambda *_, **__: changed)
-    with Cluster(tmp_path, workers=0) as empty, warnings.catch_warnings():
+    with Cluster(tmp_path, workers=0, forks=True) as empty, warnings.catch_warnings():
         warnings.simplefilter("error")
         told = DaskCluster(empty.address).describe()
     assert told.endswith("(versions differ between its machines: msgpack, python)")

@@ -124,7 +124,7 @@ def test_a_signal_of_the_terminal_to_all_processes_makes_no_traceback(
 ):
     is_there, seconds = MOMENTS[moment]
     let_last(study)
-    process = start(forks=False)
+    process = start(forks=moment == "first cell")
     wait_for(lambda: is_there(process, tmp_path))
     time.sleep(seconds)
     workers = workers_of(process)

@@ -56,12 +56,13 @@ def places(data, path=()):
 
 
 def changed(data, path, value):
-    data = copy.deepcopy(data)
-    inner = data
-    for key in path[:-1]:
-        inner = inner[key]
-    inner[path[-1]] = value
-    return data
+    """The data with another value at a place; what is beside the way there is shared."""
+    if not path:
+        return value
+    key, *rest = path
+    copied = copy.copy(data)
+    copied[key] = changed(data[key], rest, value)
+    return copied
 
 
 def refusal(saved, trainer):
