@@ -30,7 +30,9 @@ def table(tmp_path, monkeypatch, forgotten_parts, capsys):
 
 
 def test_reward(table):
-    reward = {policy: numbers[-1] for policy, numbers in table("reward", "--steps", "12000").items()}
+    reward = {
+        policy: numbers[-1] for policy, numbers in table("reward", "--steps", "12000").items()
+    }
     assert reward["untrained"] < reward["random-walk"] < reward["greedy"] < reward["trained"] < 0
 
 
