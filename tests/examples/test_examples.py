@@ -61,7 +61,7 @@ def test_stable_baselines3_learns(example):
     assert_learns(
         lambda: mean_aoi(scenario, policy),
         model.policy.parameters(),
-        lambda: model.learn(6_000),
+        lambda: model.learn(8_000),
     )
 
 

@@ -32,9 +32,9 @@ def example(forgotten_parts, monkeypatch):
     return load
 
 
-@pytest.mark.parametrize(("name", "steps"), [("network", 48_000), ("optimizer", 64_000)])
-def test_everything_named_learns(example, name, steps, capsys):
-    found = example(name).main(["--steps", str(steps)])
+@pytest.mark.parametrize("name", ["network", "optimizer"])
+def test_everything_named_learns(example, name, capsys):
+    found = example(name).main(["--steps", "64000"])
     assert len(found) == {"network": 2, "optimizer": 3}[name]
     assert all(mean_aoi < LEARNT for mean_aoi in found.values()), found
     assert len(set(found.values())) == len(found)
