@@ -46,6 +46,7 @@ class Teacher:
         _, self._policy = named_policy(scenario, name, seeds[0], "training.imitate", transfer=True)
         self._check = ActionCheck(world.num_envs, world.num_auvs, world.action_sizes)
         self._seeds = seeds
+        self._foreseen: State | None = None
         self.begin(0, 0.0)
 
     def begin(self, env_steps: int, progress: float) -> None:
@@ -71,8 +72,15 @@ class Teacher:
             place: which of them are this process's.
         """
         exact = state.map(lambda a: a.astype(np.float64) if a.dtype.kind == "f" else a)
+        # Plans foresee states in float64: those of the training are no longer these after a slot.
+        keeps_to_plan = self._policy.plans_ahead and not self._world.chance
+        if keeps_to_plan and self._foreseen is not None and state.slot[0] > 0:
+            exact = self._foreseen
         chosen = self._policy.act(self._world, exact, self._rngs[0])
-        action = torch.from_numpy(take_actions(self._policy, chosen, self._check)).view_as(own)
+        chosen = take_actions(self._policy, chosen, self._check)
+        if keeps_to_plan:
+            self._foreseen, _ = self._world.step(exact, chosen)
+        action = torch.from_numpy(chosen).view_as(own)
         drawn = [torch.from_numpy(rng.random(num_envs)[place]) for rng in self._rngs]
         plays_itself = torch.stack(drawn) < self._own_share
         return action, torch.where(plays_itself[..., None, None], own, action)

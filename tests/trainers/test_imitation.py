@@ -10,6 +10,7 @@ from safetensors.torch import load_file
 
 from iout_marl import evaluate
 from iout_marl.errors import InputError
+from iout_marl.policies.search import Planner
 from trainers import Callback, Trainer, train
 from trainers.imitation import Teacher, imitation_loss
 from trainers.networks import IMPOSSIBLE
@@ -91,8 +92,10 @@ def test_actor_comes_to_do_as_its_teacher(tiny):
     assert aoi[1] - aoi[0] < (aoi[2] - aoi[0]) / 2
 
 
-def test_plans_are_kept_to(tiny):
+def test_plans_are_kept_to(tiny, monkeypatch):
     """A tour has planned for its own actions alone."""
+    made, plan = [], Planner.plan
+    monkeypatch.setattr(Planner, "plan", lambda *args: made.append(1) or plan(*args))
     trainer = Trainer(tiny({**SHOWN, "training.imitate": "tour"}))
     aoi = evaluate(tiny(SHOWN), "tour", 1).metrics["mean_aoi"].mean
     for _ in range(10):
@@ -100,6 +103,7 @@ def test_plans_are_kept_to(tiny):
         assert log["aoi/mean"] == pytest.approx(aoi, rel=1e-5)
         assert log["ppo/kl"] == log["ppo/clip_fraction"] == 0
         assert math.isfinite(log["ppo/loss"])
+    assert len(made) == 2  # for the evaluation, and for all rollouts
 
 
 def test_resumed_training_is_as_if_never_stopped(tiny, tmp_path):
