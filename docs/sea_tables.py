@@ -172,7 +172,8 @@ def deployments_tables() -> str:
             for heading, metric in DEPLOYED.items()
             if any(made.measured(name, place, metric) for name in made.series)
         ]
-        rows = [(name, *_cells(made, name, place, shown)) for name in made.series]
+        played = [name for name in made.series if made.measured(name, place, "mean_aoi")]
+        rows = [(name, *_cells(made, name, place, shown)) for name in played]
         blocks.append(table(("Policy", *shown), rows))
     return page_of(blocks)
 
