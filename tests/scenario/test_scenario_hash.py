@@ -112,7 +112,7 @@ def other_values(value):
         return [("time",)]
     if isinstance(value, tuple):
         return [(item, *value[1:]) for item in other_values(value[0])]
-    return [1, 0.5, 25.0, [1.0, 1.0, 2.0], [1.0, 1.0, 1.0, 2.0]]
+    return [1, 0.5, 25.0, [1.0, 1.0, 2.0], [1.0, 1.0, 1.0, 2.0], "tour"]
 
 
 LEAVES = [
