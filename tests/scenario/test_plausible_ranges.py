@@ -257,6 +257,7 @@ def test_every_number_of_a_scenario_has_a_range_or_hard_limits_alone():
         "training.checkpoint_steps",
         "training.discount",
         "training.gae_lambda",
+        "training.imitation_share",
         "training.learning_rate",
         "vehicle.initial_share",
         "vehicle.propulsion_efficiency",

@@ -76,9 +76,10 @@ def test_learner_plays_more_and_more_and_learns_what_the_teacher_would_do(tiny):
     assert [len(rollout.action) for rollout in rollouts] == [20] * 10 + [8] * 10
 
 
+@pytest.mark.slow
 def test_actor_comes_to_do_as_its_teacher(tiny):
     """Before PPO has begun."""
-    changes = {**SHOWN, "training.imitation_share": 1.0, "training.steps": 4000}
+    changes = {**SHOWN, "training.imitation_share": 1.0, "training.steps": 2400}
     scenario = tiny({**changes, "training.imitation_epochs": 10, "training.learning_rate": 5e-3})
     trainer = Trainer(scenario, seed=1)
     losses = []
@@ -106,6 +107,7 @@ def test_plans_are_kept_to(tiny, monkeypatch):
     assert len(made) == 2  # for the evaluation, and for all rollouts
 
 
+@pytest.mark.slow
 def test_resumed_training_is_as_if_never_stopped(tiny, tmp_path):
     scenario = tiny({**SHOWN, "training.imitate": "greedy"})  # which leaves ties to chance
     whole = Trainer(scenario, seed=5)
@@ -123,7 +125,7 @@ def test_resumed_training_is_as_if_never_stopped(tiny, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("at", [400, 1040])
+@pytest.mark.parametrize("at", [160, 480])
 def test_stopped_run_goes_on(tiny, tmp_path, at):
     """While the teacher shows, and after it."""
 
@@ -132,7 +134,7 @@ def test_stopped_run_goes_on(tiny, tmp_path, at):
             if training.trainer.env_steps >= at:
                 raise_signal(SIGTERM)
 
-    scenario = tiny({**SHOWN, "training.imitation_epochs": 30})
+    scenario = tiny({**SHOWN, "training.imitation_epochs": 30, "training.steps": 640})
     outcome = train(scenario, tmp_path / "run", callbacks=[Stops()], evaluation_episodes=1)
     assert not outcome.finished
     outcome = train(scenario, tmp_path / "run", resume=True, evaluation_episodes=1)
@@ -142,6 +144,7 @@ def test_stopped_run_goes_on(tiny, tmp_path, at):
         assert torch.equal(load_file(outcome.run.path / "policy.safetensors")[name], tensor), name
 
 
+@pytest.mark.slow
 def test_policies_side_by_side_learn_what_each_would_alone(tiny):
     scenario = tiny(SHOWN)
     two, alone = Trainer(scenario, seed=2, replicas=2), Trainer(scenario, seed=3)
@@ -169,6 +172,7 @@ def test_every_family_has_a_teacher(tiny):
     assert trainer.iterate()["ppo/kl"] > 0
 
 
+@pytest.mark.slow
 def test_run_teaches_another_network(tiny, tmp_path):
     """As it was written: by its folder."""
     first = train(tiny({"training.steps": 400}), tmp_path / "first", evaluation_episodes=1).run
