@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linprog
 
 from iout_marl.bounds.deadline import OutOfTime, check_time
 from iout_marl.bounds.energy import ROUGH
@@ -120,6 +119,8 @@ def _best_within(
     Raises:
         OutOfTime: the deadline has come.
     """
+    from scipy.optimize import linprog  # slow to import: trainings need other bounds alone
+
     num_nodes = dual.num_nodes
     slopes = np.concatenate([slope for slope, _ in planes])
     offsets = np.concatenate([offset for _, offset in planes])
