@@ -40,6 +40,7 @@ import machine
 import numpy as np
 import torch
 
+from iout_marl import evaluate
 from iout_marl.bounds.scheduling import delivery_bound
 from iout_marl.policies import make_baseline
 from iout_marl.scenario import Scenario, load_scenario
@@ -88,6 +89,7 @@ def measured(size: dict[str, Any]) -> dict[str, float]:
     rng = np.random.default_rng(0)
     # Whatever is imported on the way is so before anything is measured.
     Trainer(load_scenario("paper/k3-fdd", {"training.environments": 2})).iterate()
+    evaluate("paper/k3-fdd", "tour", 1)
 
     def seconds(work: Any) -> float:
         started = time.process_time()
