@@ -168,13 +168,20 @@ for words in (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", ["import iout_marl", "iout --help"])
+@pytest.mark.parametrize("how", ["import iout_marl", "iout --help", "Trainer"])
 def test_nothing_heavy_is_imported_to_begin_with(how, tmp_path):
-    program = {
-        "import iout_marl": "import iout_marl",
-        "iout --help": "from iout_marl.cli import _run\nassert _run(['--help']) == (0, '')",
+    program, needed = {
+        "import iout_marl": ("import iout_marl", set()),
+        "iout --help": (
+            "from iout_marl.cli import _run\nassert _run(['--help']) == (0, '')",
+            set(),
+        ),
+        "Trainer": (
+            "import iout_marl\niout_marl.Trainer('paper/k3-fdd').iterate()",
+            {"torch", "trainers.ppo"},
+        ),
     }[how]
-    found = f"print('heavy', set({HEAVY!r}) & sys.modules.keys())"
+    found = f"print('heavy', (set({HEAVY!r}) & sys.modules.keys()) - {needed or 'set()'})"
     command = [sys.executable, "-c", f"import sys\n{program}\n{found}"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "heavy set()"
