@@ -14,7 +14,7 @@ the row before: 1 is proportional, 2 is quadratic.
 
 The batch shrinks as M·K grows, so that all rows work on arrays of like size.
 
-    python benchmarks/growth.py [--repeats 3] [--axes K M cells slots] [--out FILE.csv]
+    python benchmarks/growth.py [--repeats 3] [--axes K M cells slots] [--nodes 100]
 """
 
 from __future__ import annotations
@@ -150,6 +150,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--axes", nargs="+", choices=AXES, default=list(AXES))
+    parser.add_argument("--nodes", type=int, default=100, help="where M or cells grow")
     parser.add_argument("--out", type=Path, help="write the table as CSV too")
     parser.add_argument("--row", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -161,7 +162,7 @@ def main() -> None:
     rows = []
     for axis in options.axes:
         # Teams are of interest where there is something to share out.
-        base = {**BASE, **({"K": 100} if axis in ("M", "cells") else {})}
+        base = {**BASE, **({"K": options.nodes} if axis in ("M", "cells") else {})}
         print(
             f"\n{axis:>9}"
             + "".join(f" {name + ' ' + unit:>12} {'':5}" for name, unit in UNITS.items())
