@@ -57,7 +57,7 @@ AXES: dict[str, list[Any]] = {
     "cells": [(10, 10, 2), (20, 20, 2), (20, 20, 8), (40, 40, 8), (50, 50, 10)],
     "slots": [30, 100, 300, 1000, 3000],
 }
-#: Of these the times of the row are in seconds.
+#: What is measured, and in what.
 UNITS = {
     "making": "ms",
     "slot": "µs",

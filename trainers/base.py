@@ -117,7 +117,8 @@ class BaseTrainer(ABC):
         self._capture()
         self.env_steps = 0
         self._teachers: WeakKeyDictionary[Collector, Teacher] = WeakKeyDictionary()
-        self._check_imitation()
+        #: How many steps imitation takes: no more in a training that is resumed for longer.
+        self._imitation_steps = self.settings.imitation_share * self.settings.steps
         #: What PPO plays, and what a teacher does: whole episodes, in minibatches of like size.
         self._turn_of_ppo = self._turn_of_teacher = self.turn
         if self.settings.imitate is not None:
@@ -158,22 +159,39 @@ class BaseTrainer(ABC):
         """What else there is to log of the turn, by what is logged of it anyway."""
         return {} if self._turns is None else self._turns.finish(self.turn, figures)
 
-    def _check_imitation(self) -> None:
-        """Refuse what no teacher can show."""
-        if self.settings.imitate is None:
+    def check_imitation(self) -> None:
+        """Refuse a teacher that cannot show anything, before there is anything to lose.
+
+        Raises:
+            InputError: there is no such policy, or it does not fit.
+        """
+        name = self.settings.imitate
+        if name is None:
             return
         if self.runtime.device.type not in NUMPY_DEVICES:
             raise InputError(
                 "training.imitate: other policies play on a CPU: train with --device cpu"
             )
-        self._teacher()
+        collector = self.collector
+        teacher = self._new_teacher(collector, self.scenario)
+        if self.runtime.group.size > 1 and not teacher.is_deterministic:
+            raise InputError(
+                f"training.imitate: {name} leaves actions to chance, which several processes "
+                "would draw alike: train in one"
+            )
+        world = collector.world
+        actions = torch.zeros(
+            *collector.shape, world.num_auvs, len(world.action_sizes), dtype=torch.int64
+        )
+        try:
+            teacher.shows(collector.state, actions, collector.num_envs, slice(collector.shape[1]))
+        except InputError as error:
+            raise InputError(f"training.imitate: {error}") from None
 
     @property
     def _imitates(self) -> bool:
         """Whether the next iteration learns what a teacher does."""
-        settings = self.settings
-        last = settings.imitation_share * settings.steps
-        return settings.imitate is not None and self.env_steps < last
+        return self.settings.imitate is not None and self.env_steps < self._imitation_steps
 
     def _teacher(self) -> Teacher | None:
         """Whose actions this iteration learns; None where it is PPO's."""
@@ -183,12 +201,15 @@ class BaseTrainer(ABC):
         if collector not in self._teachers:
             draw = self.turn.draw
             scenario = self.scenario if draw is None else draw.scenario
-            self._teachers[collector] = Teacher(
-                scenario, collector.world.num_envs, settings.imitate, self.seeds
-            )
+            self._teachers[collector] = self._new_teacher(collector, scenario)
         teacher = self._teachers[collector]
-        teacher.begin(self.env_steps, self.env_steps / (settings.imitation_share * settings.steps))
+        teacher.begin(self.env_steps, self.env_steps / self._imitation_steps)
         return teacher
+
+    def _new_teacher(self, collector: Collector, scenario: Scenario) -> Teacher:
+        name = self.settings.imitate
+        assert name is not None
+        return Teacher(scenario, collector.shape[1], name, self.seeds)
 
     def scaled_reward(self, rollout: Rollout) -> Tensor:
         """A rollout's rewards, of the scale on which the critic works."""
@@ -271,6 +292,7 @@ class BaseTrainer(ABC):
             "seed": self.seeds[policy],
             "side_by_side": [self.seeds.start, len(self.seeds)],
             **({} if self._turns is None else {"over": self._turns.state_dict()}),
+            **({} if self.settings.imitate is None else {"imitation": self._imitation_steps}),
         }
 
     def load_state_dict(self, *saved: dict[str, Any]) -> None:
@@ -292,6 +314,7 @@ class BaseTrainer(ABC):
         self.collector.load_state_dict([one["collector"] for one in saved])
         if self._turns is not None:
             self._turns.load_state_dict(saved[0]["over"])
+        self._imitation_steps = saved[0].get("imitation", 0.0)
         self._capture()
         self.env_steps = saved[0]["env_steps"]
         self.seeds = seeds

@@ -70,12 +70,12 @@ class Collector:
         self._scenarios = scenarios
         self.num_envs = num_envs
         self._own = self._group.share(num_envs)
-        #: Policies and this process's environments of each.
-        self._shape = (len(seeds), len(range(num_envs)[self._own]))
+        #: Policies, and this process's environments of each.
+        self.shape = (len(seeds), len(range(num_envs)[self._own]))
         on_numpy = self.device.type in NUMPY_DEVICES
         self.world = World(
             scenarios[0],
-            self._shape[0] * self._shape[1],
+            self.shape[0] * self.shape[1],
             library=np if on_numpy else torch,
             dtype="float32",
             device=None if on_numpy else self.device,
@@ -136,7 +136,7 @@ class Collector:
     def _tensor(self, array: Any, dtype: torch.dtype | None = None) -> Tensor:
         """The world's (policies · envs, …) as (policies, envs, …)."""
         tensor = torch.as_tensor(array, dtype=dtype, device=self.device)
-        return tensor.reshape(*self._shape, *tensor.shape[1:])
+        return tensor.reshape(*self.shape, *tensor.shape[1:])
 
     def observe(self) -> Tensor:
         """(policies, envs, auvs, entries) float32."""
@@ -235,7 +235,7 @@ class Collector:
         observer = self.world.observer
         privileged = observer.critic_ranges(central=self._is_central)
         storage = RolloutStorage.allocate(
-            (slots, *self._shape, self.world.num_auvs),
+            (slots, *self.shape, self.world.num_auvs),
             noise,
             entries=len(observer.agent_ranges.low),
             privileged=0 if privileged is None else len(privileged.low),
@@ -354,7 +354,7 @@ class Collector:
         """
         tensors = {k: torch.as_tensor(array) for k, array in self.state._asdict().items()}
         whole = {
-            name: self._group.join(t.reshape(*self._shape, *t.shape[1:])[policy].clone()).cpu()
+            name: self._group.join(t.reshape(*self.shape, *t.shape[1:])[policy].clone()).cpu()
             for name, t in tensors.items()
         }
         sums = whole.pop("sums").unbind(-1)

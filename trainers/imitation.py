@@ -15,8 +15,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from iout_marl.policies import take_actions
+from iout_marl.policies import Actions, BasePolicy, is_deterministic, take_actions
 from iout_marl.policies.loading import named_policy
+from iout_marl.policies.simulator import rows
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World
 from iout_marl.world.actions import ActionCheck
@@ -30,9 +31,11 @@ _STREAM = 0x7EAC
 class Teacher:
     """Whose actions are learnt in a scenario.
 
+    Every policy that is trained has a teacher to itself, which draws what it would draw alone.
+
     Args:
         scenario: the scenario.
-        num_envs: environments of this process, of all policies that are trained side by side.
+        num_envs: environments of this process, of each policy that is trained.
         name: of the teacher, as for `--policy`.
         seeds: of these policies.
 
@@ -41,16 +44,17 @@ class Teacher:
     """
 
     def __init__(self, scenario: Scenario, num_envs: int, name: str, seeds: Sequence[int]) -> None:
-        # In float64, as policies are used to.
-        self._world = world = World(scenario, num_envs)
-        _, self._policy = named_policy(scenario, name, seeds[0], "training.imitate", transfer=True)
-        self._check = ActionCheck(world.num_envs, world.num_auvs, world.action_sizes)
         self._seeds = seeds
-        self._foreseen: State | None = None
+        self._lessons = [_Lesson(scenario, num_envs, name, seed) for seed in seeds]
         self.begin(0, 0.0)
 
+    @property
+    def is_deterministic(self) -> bool:
+        """Whether it leaves nothing to chance."""
+        return all(is_deterministic(lesson.policy) for lesson in self._lessons)
+
     def begin(self, env_steps: int, progress: float) -> None:
-        """A new rollout, with streams of its own: a training that is resumed draws the same.
+        """A new rollout: a training that is resumed is shown the same.
 
         Args:
             env_steps: taken so far.
@@ -58,7 +62,9 @@ class Teacher:
                 themselves, unless the teacher only knows what follows its own actions.
         """
         self._rngs = [np.random.default_rng([seed, _STREAM, env_steps]) for seed in self._seeds]
-        self._own_share = 0.0 if self._policy.plans_ahead else progress
+        self._own_share = 0.0 if self._lessons[0].policy.plans_ahead else progress
+        for lesson in self._lessons:
+            lesson.begin()
 
     def shows(
         self, state: State, own: Tensor, num_envs: int, place: slice
@@ -72,18 +78,49 @@ class Teacher:
             place: which of them are this process's.
         """
         exact = state.map(lambda a: a.astype(np.float64) if a.dtype.kind == "f" else a)
-        # Plans foresee states in float64: those of the training are no longer these after a slot.
-        keeps_to_plan = self._policy.plans_ahead and not self._world.chance
-        if keeps_to_plan and self._foreseen is not None and state.slot[0] > 0:
-            exact = self._foreseen
-        chosen = self._policy.act(self._world, exact, self._rngs[0])
-        chosen = take_actions(self._policy, chosen, self._check)
-        if keeps_to_plan:
-            self._foreseen, _ = self._world.step(exact, chosen)
-        action = torch.from_numpy(chosen).view_as(own)
+        by_policy = (rows(exact, envs) for envs in np.split(np.arange(len(state.slot)), len(own)))
+        chosen = [
+            lesson.act(each, rng)
+            for lesson, each, rng in zip(self._lessons, by_policy, self._rngs, strict=True)
+        ]
+        action = torch.from_numpy(np.stack(chosen))
         drawn = [torch.from_numpy(rng.random(num_envs)[place]) for rng in self._rngs]
         plays_itself = torch.stack(drawn) < self._own_share
         return action, torch.where(plays_itself[..., None, None], own, action)
+
+
+class _Lesson:
+    """A teacher in the environments of one policy that is trained."""
+
+    def __init__(self, scenario: Scenario, num_envs: int, name: str, seed: int) -> None:
+        self._scenario, self._name, self._seed = scenario, name, seed
+        # In float64, as policies are used to.
+        self._world = world = World(scenario, num_envs)
+        self._check = ActionCheck(world.num_envs, world.num_auvs, world.action_sizes)
+        self.policy = self._made()
+        self._foreseen: State | None = None
+
+    def _made(self) -> BasePolicy:
+        option = "training.imitate"
+        return named_policy(self._scenario, self._name, self._seed, option, transfer=True)[1]
+
+    def begin(self) -> None:
+        """A new rollout."""
+        self._foreseen = None
+        if self.policy.plans_ahead and self._world.chance:
+            # A plan is kept as long as time goes by it: one for each rollout.
+            self.policy = self._made()
+
+    def act(self, state: State, rng: np.random.Generator) -> Actions:
+        """(envs, auvs, entries) actions in a state, in float64."""
+        # Plans foresee states in float64: those of the training are no longer these after a slot.
+        keeps_to_plan = self.policy.plans_ahead and not self._world.chance
+        if keeps_to_plan and self._foreseen is not None and state.slot[0] > 0:
+            state = self._foreseen
+        chosen = take_actions(self.policy, self.policy.act(self._world, state, rng), self._check)
+        if keeps_to_plan:
+            self._foreseen, _ = self._world.step(state, chosen)
+        return chosen
 
 
 def imitation_loss(

@@ -163,6 +163,7 @@ def train(
                 trainer = Trainer(
                     *(scenario, seed, device, replicas, group), use_graphs=use_graphs, start=start
                 )
+                trainer.check_imitation()
                 make_new(out, runs, trainer.scenarios, group, held)
         signals = held.enter_context(StopSignals(catch=catch_signals))
         if resume and group.rank == 0:

@@ -1,5 +1,6 @@
 """Trainings that begin with what another policy does."""
 
+import json
 import math
 from signal import SIGTERM, raise_signal
 
@@ -8,7 +9,7 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from iout_marl import evaluate
+from iout_marl import evaluate, load_scenario
 from iout_marl.errors import InputError
 from iout_marl.policies.search import Planner
 from trainers import Callback, Trainer, train
@@ -24,6 +25,22 @@ SHOWN = {
     "training.steps": 1600,
     "training.mask_actions": True,
 }
+
+
+FEW = {
+    "training.imitate": "tour",
+    "training.environments": 2,
+    "training.epochs": 1,
+    "training.minibatches": 2,
+    "training.hidden_units": [4],
+}
+
+
+class Misshapen:
+    name = "misshapen"
+
+    def act(self, world, state, rng):
+        return np.zeros((1, 1), dtype=np.int64)
 
 
 def played(trainer, iterations=1):
@@ -145,8 +162,33 @@ def test_stopped_run_goes_on(tiny, tmp_path, at):
 
 
 @pytest.mark.slow
-def test_policies_side_by_side_learn_what_each_would_alone(tiny):
-    scenario = tiny(SHOWN)
+@pytest.mark.filterwarnings("ignore::iout_marl.errors.Note")
+def test_what_is_planned_in_a_sea_is_shown_anew_after_a_stop():
+    scenario = load_scenario("sea/array", {"episode.duration_s": 2000, **SHOWN, **FEW})
+    whole, stopped = Trainer(scenario), Trainer(scenario)
+    whole.iterate(), stopped.iterate()
+    resumed = Trainer(scenario)
+    resumed.load_state_dict(stopped.state_dict())
+    assert resumed.iterate()["aoi/mean"] == whole.iterate()["aoi/mean"]
+
+
+@pytest.mark.slow
+def test_a_training_that_goes_on_for_longer_is_not_taught_again(tiny, tmp_path):
+    teacher = train(tiny({"training.steps": 160}), tmp_path / "teacher", evaluation_episodes=1).run
+    scenario = tiny({**SHOWN, "training.imitate": str(teacher.path), "training.steps": 320})
+    train(scenario, tmp_path / "run", evaluation_episodes=1)
+    teacher.path.rename(tmp_path / "elsewhere")  # nor does it ask for the teacher
+    longer = load_scenario(scenario, {"training.steps": 640})
+    done = train(longer, tmp_path / "run", resume=True, evaluation_episodes=1)
+    lines = [json.loads(line) for line in done.run.metrics_path.read_text().splitlines()]
+    taught = [line["ppo/kl"] == 0 for line in lines]
+    assert taught == [True] * 2 + [False] * (len(taught) - 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("teacher", ["return", "greedy"])  # which leaves ties to chance
+def test_policies_side_by_side_learn_what_each_would_alone(tiny, teacher):
+    scenario = tiny({**SHOWN, "training.imitate": teacher})
     two, alone = Trainer(scenario, seed=2, replicas=2), Trainer(scenario, seed=3)
     for _ in range(12):
         two.iterate_all()
@@ -186,12 +228,16 @@ def test_run_teaches_another_network(tiny, tmp_path):
     ("changes", "said"),
     [
         ({"training.imitate": "tuor"}, "training.imitate tuor: .*did you mean 'tour'"),
-        ({"training.imitate": "no/run"}, "training.imitate no/run: neither a baseline nor"),
+        (
+            {"training.imitate": "no/run", "training.imitation_share": 0.0},
+            "training.imitate no/run: neither a baseline nor",
+        ),
+        ({"training.imitate": f"{__name__}:Misshapen"}, "training.imitate: policy misshapen: an "),
     ],
 )
 def test_what_cannot_be_shown_is_refused(tiny, changes, said):
     with pytest.raises(InputError, match=said):
-        Trainer(tiny({**SHOWN, **changes}))
+        Trainer(tiny({**SHOWN, **changes})).check_imitation()
 
 
 def test_scenarios_that_imitate_nobody_are_as_they_were(tiny):

@@ -158,6 +158,8 @@ def _ranges(
         yield from _rng_ranges("over.rng", saved["over"]["rng"])
         for i, gap in enumerate(saved["over"]["gaps"]):
             yield f"over.gaps.{i}", -1 <= gap < math.inf
+    if settings.imitate is not None:
+        yield "imitation", 0 <= saved["imitation"] < math.inf
     state, world = saved["collector"]["state"], trainer.collector.world
     for name, tensor in state.items():
         yield f"collector.state.{name}", bool((tensor >= 0).all())

@@ -60,9 +60,10 @@ def refuse_to_resume(
             )
     # A training ends with the rollout in which it reaches its steps.
     settings, taken = scenario.training, saved[0]["env_steps"]
-    # Rollouts of training.over may be longer.
+    # Rollouts of training.over and of teachers may be longer.
     if (
         not settings.over
+        and settings.imitate is None
         and taken >= settings.steps + settings.environments * settings.rollout_slots
     ):
         raise InputError(
