@@ -33,39 +33,18 @@ from iout_marl import evaluate
 from iout_marl.scenario import Scenario, load_scenario
 from trainers import Trainer
 
+_SMALL = {"heads": 0, "pair_width": 4, "width": 16, "critic_width": 16, "critic_blocks": 0}
 #: By name: settings of the network, environments and minibatches.
 VARIANTS: dict[str, tuple[dict[str, Any], int, int]] = {
     "default": ({}, 128, 16),
     "without attention": ({"heads": 0}, 128, 16),
     "one round of 24": (
-        {"width": 24, "blocks": 1, "heads": 0, "pair_width": 6, "critic_width": 16},
+        {**_SMALL, "width": 24, "blocks": 1, "pair_width": 6, "critic_blocks": 1},
         256,
         16,
     ),
-    "one round of 16": (
-        {
-            "width": 16,
-            "blocks": 1,
-            "heads": 0,
-            "pair_width": 4,
-            "critic_width": 16,
-            "critic_blocks": 0,
-        },
-        512,
-        16,
-    ),
-    "no round, 16": (
-        {
-            "width": 16,
-            "blocks": 0,
-            "heads": 0,
-            "pair_width": 4,
-            "critic_width": 16,
-            "critic_blocks": 0,
-        },
-        512,
-        16,
-    ),
+    "one round of 16": ({**_SMALL, "blocks": 1}, 512, 16),
+    "no round, 16": ({**_SMALL, "blocks": 0}, 512, 16),
 }
 #: AUV-node pairs that a rollout's slot has, where nodes grow.
 PAIRS = 1280
