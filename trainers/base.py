@@ -195,8 +195,8 @@ class BaseTrainer(ABC):
 
     def _teacher(self) -> Teacher | None:
         """Whose actions this iteration learns; None where it is PPO's."""
-        settings, collector = self.settings, self.turn.collector
-        if settings.imitate is None or not self._imitates:
+        collector = self.turn.collector
+        if not self._imitates:
             return None
         if collector not in self._teachers:
             draw = self.turn.draw

@@ -146,12 +146,11 @@ class EpisodeBatch:
             )
         # Of many numbers a slot takes longer number by number than it does compiled.
         is_quick = self.world.num_auvs == 1 and self.world.num_nodes < _NODES_COMPILED
-        if slot is not None and (is_quick or self._choice.slot() is None):
-            return TracedStepper(
-                slot, self.world, state, events, None if is_quick else self._choice
-            )
-        if (compiled := self._choice.slot()) is not None:
+        choice = None if is_quick and slot is not None else self._choice
+        if choice is not None and (compiled := choice.slot()) is not None:
             return CompiledStepper(compiled, self.world, state, events)
+        if slot is not None:
+            return TracedStepper(slot, self.world, state, events, choice)
         return ArrayStepper(self.world, state, events, self._choice)
 
     def _choice_of_slot(self) -> SlotChoice:

@@ -115,11 +115,12 @@ class Rehearsal:
             before.append(state)
             actions.append(action)
             state, _ = world.step(state, action, world.expected)
+        played = np.array(actions)
         best = state.age_sum.reshape(count, episodes).argmin(-1) + episodes * np.arange(count)
         return [
             Plan(
                 _joined([rows(each, np.array([env])) for each in before]),
-                np.array(actions)[:, env],
+                played[:, env],
                 float(state.age_sum[env]),
             )
             for env in best.tolist()

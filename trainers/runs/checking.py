@@ -141,8 +141,10 @@ def _ranges(
     is_even = not settings.over and settings.imitate is None
     yield "env_steps", steps >= 0 and (not is_even or steps % per_iteration == 0)
     iterations = steps // per_iteration if is_even else steps
-    epochs = max(settings.epochs, settings.imitation_epochs)
-    most = iterations * (settings.epochs if is_even else epochs) * settings.minibatches
+    epochs = settings.epochs
+    if settings.imitate is not None:
+        epochs = max(epochs, settings.imitation_epochs)
+    most = iterations * epochs * settings.minibatches
     yield "optimizer.steps", 0 <= saved["optimizer"]["steps"] <= most
     if "second" in saved["optimizer"]:
         yield "optimizer.second", bool((saved["optimizer"]["second"] >= 0).all())
