@@ -45,7 +45,8 @@ from iout_marl.world import State, World, node_codes
 from trainers import Trainer
 from trainers.accel import graphs
 from trainers.accel.graphs import CapturedFunction, Graph, write_over
-from trainers.accel.processes import DistributedGroup, ProcessGroup
+from trainers.accel.group import ProcessGroup
+from trainers.accel.processes import DistributedGroup
 from trainers.collector import Collector
 
 SCENARIO = "paper/k10-fdd"

@@ -22,6 +22,7 @@ from torch.profiler import profile
 
 from iout_marl.scenario import load_scenario
 from trainers import Trainer
+from trainers.factory import make_network
 from trainers.networks import ActorCritic, perceptron, uniform_noise
 from trainers.ops import policy_loss
 from trainers.optimizers import Adam, clip_gradient
@@ -197,9 +198,10 @@ def main() -> None:
     for event in events[:12]:
         row = f"{event.count:6d} calls{event.self_cpu_time_total / 1e3:8.1f} ms"
         print(f"  {event.key[:36]:38s}{row}{event.self_cpu_time_total / total:7.1%}")
-    network = trainer.network
+    world = trainer.collector.world
+    network = make_network(world.observer, world.action_sizes, trainer.settings)
     compare("loss and gradients", losses(network), options.repeats)
-    compare("clipping and Adam", optimizers(network), options.repeats)
+    compare("clipping and Adam", optimizers(trainer.network), options.repeats)
     compare("product of a hidden layer", products(), options.repeats)
     compare("drawing the actions of a slot", choices(), options.repeats)
     compare("actor and critic, forward", fused_layers(), options.repeats)

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 from iout_marl.deprecated import warn_renamed
 
 if TYPE_CHECKING:
-    from trainers.accel.processes import ProcessGroup, started_group
+    from trainers.accel.group import ProcessGroup
+    from trainers.accel.processes import started_group
     from trainers.callbacks import Callback
     from trainers.ppo import Trainer
     from trainers.runs.folder import RunFolder
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "Callback": "trainers.callbacks",
     "DivergedError": "trainers.training_run",
-    "ProcessGroup": "trainers.accel.processes",
+    "ProcessGroup": "trainers.accel.group",
     "RunFolder": "trainers.runs.folder",
     "TrainedPolicy": "trainers.trained",
     "Trainer": "trainers.ppo",

@@ -15,7 +15,7 @@ from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, Training, load_scenario
 from iout_marl.world import pin_layout
 from trainers.accel import Runtime
-from trainers.accel.processes import ProcessGroup
+from trainers.accel.group import ProcessGroup
 from trainers.collector import NUMPY_DEVICES, Collector
 from trainers.factory import make_network
 from trainers.imitation import Teacher

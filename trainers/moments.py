@@ -7,7 +7,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from trainers.accel.processes import ProcessGroup
+from trainers.accel.group import ProcessGroup
 
 
 class Moments(NamedTuple):

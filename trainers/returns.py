@@ -10,7 +10,7 @@ from torch import Tensor
 
 from trainers.accel import Runtime
 from trainers.accel.graphs import write_over
-from trainers.accel.processes import ProcessGroup
+from trainers.accel.group import ProcessGroup
 from trainers.moments import Moments
 from trainers.networks import expand_replicas
 

@@ -19,7 +19,7 @@ from iout_marl.files import user_path
 from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.signals import Stopped, StopSignals, nothing_to_save
 from iout_marl.terminal import progress_console
-from trainers.accel.processes import ProcessGroup
+from trainers.accel.group import ProcessGroup
 from trainers.base import load_for_training
 from trainers.callbacks import Callback
 from trainers.logs import tell

@@ -19,7 +19,7 @@ from iout_marl.files import to_json
 from iout_marl.metrics import described
 from iout_marl.registry import blamed
 from iout_marl.signals import StopSignals
-from trainers.accel.processes import LostProcessError
+from trainers.accel.group import LostProcessError
 from trainers.callbacks import Callback
 from trainers.logs import ProgressBar, TrainingLog, tell
 from trainers.ppo import Trainer

@@ -18,7 +18,7 @@ from iout_marl.errors import InputError
 from trainers import Trainer, collector
 from trainers.accel import graphs
 from trainers.accel.graphs import CapturedFunction
-from trainers.accel.processes import ProcessGroup
+from trainers.accel.group import ProcessGroup
 from trainers.networks import ActorCritic
 from trainers.optimizers import Adam
 from trainers.timing import PhaseTimer

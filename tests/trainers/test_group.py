@@ -112,7 +112,17 @@ def scenario_file(tiny, tmp_path):
     return write
 
 
-def side_by_side(*words, processes=2):
+#: The processes find no memory to share, as those of several machines.
+APART = """
+from pathlib import Path
+
+from trainers.accel import shared_memory
+
+shared_memory.MEMORY = Path("/nowhere")
+"""
+
+
+def side_by_side(*words, processes=2, before=""):
     """Trainings started with what torchrun lets each know, but without it; what became of them."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -121,13 +131,19 @@ def side_by_side(*words, processes=2):
     for rank in map(str, range(processes)):
         place = {"RANK": rank, "LOCAL_RANK": rank, "WORLD_SIZE": str(processes)}
         group = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port, "TORCHELASTIC_RUN_ID": "tests"}
-        started.append(forked.Iout(("train", *words), env={**environment(), **place, **group}))
+        env = {**environment(), **place, **group}
+        started.append(forked.Iout(("train", *words), before, env=env))
     ended = []
     for process in started:
         with process:
             out, err = process.communicate(forked.PATIENCE_S)
         ended.append(subprocess.CompletedProcess(words, process.returncode, out, err))
     return ended
+
+
+def apart(*words):
+    """A training by two processes that share no memory."""
+    return side_by_side(*words, before=APART)
 
 
 def under_torchrun(*words):
@@ -138,7 +154,7 @@ def under_torchrun(*words):
 
 @pytest.mark.parametrize(
     ("changes", "started"),
-    [*zip(VARIANTS.values(), (under_torchrun, side_by_side, side_by_side), strict=True)],
+    [*zip(VARIANTS.values(), (under_torchrun, side_by_side, apart), strict=True)],
     ids=list(VARIANTS),
 )
 def test_two_processes_learn_what_one_does(scenario_file, tiny, tmp_path, changes, started):

@@ -8,7 +8,7 @@ from torch.distributions import Categorical
 
 from iout_marl import evaluate
 from trainers import Trainer, train
-from trainers.accel.processes import ProcessGroup
+from trainers.accel.group import ProcessGroup
 from trainers.moments import Moments
 from trainers.networks import ActorCritic, Scaler, perceptron, uniform_noise
 

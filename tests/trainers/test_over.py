@@ -13,7 +13,7 @@ from iout_marl.errors import InputError
 from iout_marl.scenario import load_scenario, to_yaml
 from iout_marl.scenario.drawing import Families
 from trainers import Callback, RunFolder, Trainer, train
-from trainers.accel.processes import ProcessGroup
+from trainers.accel.group import ProcessGroup
 from trainers.curriculum import Curriculum
 from trainers.returns import advantages, standardised
 

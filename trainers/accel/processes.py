@@ -1,9 +1,9 @@
-"""The processes that train one policy together; one alone is the smallest group."""
+"""Processes that train one policy together, as `torchrun` starts them."""
 
 from __future__ import annotations
 
-import datetime as dt
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -11,50 +11,11 @@ import torch
 from torch import Tensor, distributed
 
 from iout_marl.errors import InputError
-
-#: How long a process waits for the others: longer than the first one takes to save.
-TIMEOUT = dt.timedelta(minutes=5)
-
-
-class LostProcessError(Exception):
-    """Another process of the group is gone."""
-
-
-class ProcessGroup:
-    """Processes that each run a share of the environments: here, the only one.
-
-    Attributes:
-        rank: which one this is, 0 the first.
-        size: how many there are.
-    """
-
-    rank = 0
-    size = 1
-
-    def share(self, count: int) -> slice:
-        """Which of `count` things, a multiple of `size`, are this process's."""
-        part = count // self.size
-        return slice(self.rank * part, (self.rank + 1) * part)
-
-    def sum(self, tensor: Tensor) -> Tensor:
-        """The sum of every process's tensor, the same in all; may be written into it."""
-        return tensor
-
-    def any(self, flag: bool) -> bool:  # noqa: FBT001
-        """Whether any process's flag is set, the same in all."""
-        return flag
-
-    def largest(self, number: int) -> int:
-        """The largest of every process's numbers, the same in all."""
-        return number
-
-    def join(self, tensor: Tensor) -> Tensor:
-        """The tensors of all processes, one after the other along the first axis."""
-        return tensor
+from trainers.accel.group import TIMEOUT, LostProcessError, ProcessGroup
 
 
 class DistributedGroup(ProcessGroup):
-    """Processes that `torchrun` has started, over `torch.distributed`.
+    """Processes of any machines, which exchange what they have over `torch.distributed`.
 
     Args:
         device: where their tensors are.
@@ -135,9 +96,17 @@ def started_group(device: torch.device) -> Iterator[tuple[ProcessGroup, torch.de
         reason = str(error).strip().splitlines()[0]
         raise InputError(f"torchrun: the processes did not find one another: {reason}") from None
     try:
-        yield DistributedGroup(device), device
+        yield _group_by_shared_memory(device) or DistributedGroup(device), device
     finally:
         distributed.destroy_process_group()
+
+
+def _group_by_shared_memory(device: torch.device) -> ProcessGroup | None:
+    if device.type != "cpu" or sys.platform != "linux":
+        return None
+    from trainers.accel.shared_memory import SharedMemoryGroup
+
+    return SharedMemoryGroup.of_one_machine()
 
 
 def _number(name: str) -> int:

@@ -11,7 +11,7 @@ from torch import Tensor
 from iout_marl.errors import InputError
 from iout_marl.scenario import Training
 from trainers.accel.graphs import GRAPHS, CapturedFunction
-from trainers.accel.processes import ProcessGroup
+from trainers.accel.group import ProcessGroup
 
 Result = TypeVar("Result")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from iout_marl.errors import InputError
 from iout_marl.files import LOCK_NAME, reason
 from iout_marl.scenario import Scenario
-from trainers.accel.processes import LostProcessError, ProcessGroup
+from trainers.accel.group import LostProcessError, ProcessGroup
 from trainers.runs import beginning, saving
 from trainers.runs.folder import RunFolder
 from trainers.runs.occupied import occupied

@@ -11,7 +11,7 @@ import torch
 from iout_marl.errors import InputError
 from iout_marl.scenario import Scenario
 from iout_marl.world import pin_layout
-from trainers.accel.processes import ProcessGroup
+from trainers.accel.group import ProcessGroup
 from trainers.ppo import Trainer
 from trainers.runs import saving
 from trainers.runs.checking import check_origin, check_state
