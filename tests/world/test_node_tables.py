@@ -7,6 +7,8 @@ from batteries import BATTERY, DOCKS
 
 from iout_marl import World, load_scenario
 from iout_marl.core.table import TableLayout, flattened
+from iout_marl.parts.entry.rank import count_greater
+from iout_marl.physics.arrays import namespace
 from iout_marl.testing.parts import permuted_actions
 from iout_marl.testing.recorded import (
     actions_for,
@@ -141,3 +143,13 @@ def test_flattened_takes_observations_that_are_joined_end_to_end():
         name: rows.reshape(4, -1, *rows.shape[3:]) for name, rows in layout.rows(vectors).items()
     }
     np.testing.assert_array_equal(flattened(joined, 2), vectors.reshape(4, -1))
+
+
+@pytest.mark.parametrize("library", [np, torch], ids=["numpy", "torch"])
+@pytest.mark.parametrize("count", [1, 10, 64, 65, 200])
+@pytest.mark.parametrize("kinds", [1, 3, 50, 10_000])
+def test_older_nodes_are_counted_among_few_and_many(library, count, kinds):
+    values = np.random.default_rng(count).integers(0, kinds, (3, 2, count)).astype(np.float32)
+    xp = namespace(library.asarray(values))
+    counted = np.asarray(count_greater(xp, library.asarray(values)))
+    assert (counted == (values[..., None, :] > values[..., :, None]).sum(-1)).all()

@@ -4,7 +4,7 @@ from iout_marl.core.ranges import Ranges
 from iout_marl.core.state import State
 from iout_marl.parts.base import Context
 from iout_marl.parts.entry.base import Entry, entries
-from iout_marl.parts.entry.rank import ranks
+from iout_marl.parts.entry.rank import count_greater, ranks
 from iout_marl.parts.entry.steps import by_column
 from iout_marl.physics.arrays import Array, cast
 
@@ -38,7 +38,7 @@ class Urgency(Entry):
     def __call__(self, state: State) -> Array:
         xp, view, dtype = self.xp, self.world.view, self.world.backend.dtype
         age = view.age(state)
-        older = cast(xp, xp.sum(age[..., None, :] > age[..., :, None], axis=-1), dtype)
+        older = cast(xp, count_greater(xp, age), dtype)
         turn = older - ranks(xp, state.cell, dtype)[..., None]
         in_turns = xp.minimum(age * self._per_turn, self._most)
         mine = cast(xp, turn == 0, dtype)
