@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import errno
+import gc
 import io
 import os
 import signal
@@ -160,13 +161,33 @@ def finish_output() -> OSError | None:
 
 @contextmanager
 def imports_uninterrupted() -> Iterator[None]:
-    """Let a Ctrl-C wait until what is imported within is there.
+    """Let a Ctrl-C wait until what is imported within is there, and the garbage collector too.
 
-    Libraries that are interrupted as they load make errors of their own of it.
+    Libraries that are interrupted as they load make errors of their own of it. What they bring
+    stays: to look through it for garbage, again and again as it grows, takes as long as much of it.
 
     Raises:
         KeyboardInterrupt: one has come.
     """
+    with _without_collector(), _without_interrupts():
+        yield
+
+
+@contextmanager
+def _without_collector() -> Iterator[None]:
+    if not gc.isenabled():
+        yield
+        return
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
     received: list[int] = []
     before = signal.getsignal(signal.SIGINT)
     in_main = threading.current_thread() is threading.main_thread()

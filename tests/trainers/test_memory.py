@@ -96,21 +96,6 @@ def test_log_that_cannot_be_written_costs_no_weights(tiny, tmp_path, monkeypatch
     assert train(tiny(), tmp_path / "run", resume=True, **quiet).finished
 
 
-def test_interrupt_waits_for_imports():
-    from iout_marl.terminal import imports_uninterrupted
-
-    loaded = []
-
-    def load():
-        with imports_uninterrupted():
-            signal.raise_signal(signal.SIGINT)
-            loaded.append(True)
-
-    with pytest.raises(KeyboardInterrupt):
-        load()
-    assert loaded
-
-
 @pytest.mark.parametrize("size", [None, "1"])
 def test_what_torchrun_has_left_in_the_environment_starts_no_group(monkeypatch, size):
     monkeypatch.setenv("TORCHELASTIC_RUN_ID", "of before")
