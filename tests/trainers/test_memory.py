@@ -3,7 +3,6 @@
 import errno
 import io
 import os
-import signal
 
 import forked
 import pytest
