@@ -3,7 +3,7 @@
 # make test       lint, types and the whole test suite
 # make coverage   which lines and branches the whole test suite runs
 # make reproduce  the paper's figures, tables and claims: a quarter of an hour on two cores
-# make site       the documentation site, in build/site: open build/site/index.html
+# make site       the documentation site, in build/site, in some minutes: open build/site/index.html
 # make images     the pictures of README.md and docs/, made anew
 # make pretrained the weights of the policy that comes with the package: an hour on two cores
 # make bench      speed of environment and trainer, side by side with others: eight minutes

@@ -21,7 +21,7 @@ from iout_marl.scenario import Scenario, load_scenario
 sys.path.insert(0, str(Path(__file__).parent.parent / "examples"))
 
 #: Environment steps of the schedules of this trainer's learning rate, by reward.
-OUR_STEPS = {"paper": 819_200, "mean_age": 1_536_000}
+OUR_STEPS = {"paper": 409_600, "mean_age": 614_400}
 
 
 class Learner(Protocol):
@@ -45,7 +45,9 @@ class Ours:
         from trainers import Trainer
 
         steps = OUR_STEPS[scenario.reward.kind]
-        self.scenario = load_scenario(scenario, {"training.steps": steps})
+        self.scenario = load_scenario(
+            scenario, {"training.preset": "short", "training.steps": steps}
+        )
         self._trainer = Trainer(self.scenario, seed, device)
 
     def learn(self) -> int:
