@@ -2,8 +2,8 @@
 
 Both train on the same scenario from rollout to update, logs off. Stable-Baselines3 runs
 on the joint Gymnasium environment at the paper's settings (8 environments, 100 slots and
-minibatches of 100, 10 epochs); this trainer at the same settings, at its default preset, and
-in two processes that train one policy (one torch thread each; as their log tells, so with
+minibatches of 100, 10 epochs); this trainer at the same settings, at its shorter and its default
+preset, and in two processes that train one policy (one torch thread each; as their log tells, so with
 logs and checkpoints). They take turns; the median is what counts, the ratio is to
 Stable-Baselines3 in the same round. Every other subject runs with `--threads` torch threads.
 
@@ -95,6 +95,7 @@ def main() -> None:
     subjects: dict[str, Callable[[str], float]] = {
         reference: stable_baselines3,
         "this trainer, paper's settings": this_trainer("paper", 10),
+        "this trainer, preset short": this_trainer("short", 60),
         "this trainer, preset fast": this_trainer("fast", 20),
         "this trainer, preset fast, 2 processes": two_processes,
     }
