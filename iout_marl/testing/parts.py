@@ -176,12 +176,20 @@ class _Subject:
     entry: Entry[Any]
     data: dict[str, Any]
     _known: dict[tuple[Any, ...], list[Slot]] = field(default_factory=dict)
+    _worlds: dict[tuple[Any, ...], World] = field(default_factory=dict)
+
+    def world(self, scenario: Scenario, seeds: Sequence[int]) -> World:
+        """A world of as many environments, the same for all contracts: it keeps no state."""
+        key = (scenario.name, scenario.hash, len(seeds))
+        if key not in self._worlds:
+            self._worlds[key] = World(scenario, len(seeds))
+        return self._worlds[key]
 
     def played(self, scenario: Scenario, seeds: Sequence[int]) -> list[Slot]:
         """An episode of random actions, played once for all contracts that compare with it."""
         key = (scenario.name, scenario.hash, *seeds)
         if key not in self._known:
-            self._known[key] = _played(scenario, seeds)
+            self._known[key] = _played(self.world(scenario, seeds), seeds)
         return self._known[key]
 
     @contextmanager
@@ -291,14 +299,15 @@ def _values(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None
 
 
 def _is_deterministic(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
-    _compare_slots(subject.played(scenario, seeds), _played(scenario, seeds), 0)
+    again = _played(World(scenario, len(seeds)), seeds)
+    _compare_slots(subject.played(scenario, seeds), again, 0)
 
 
 def _batch(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
-    actions = actions_for(World(scenario, len(seeds)), seeds[0])
+    actions = actions_for(subject.world(scenario, seeds), seeds[0])
     together = subject.played(scenario, seeds)
+    alone = World(scenario)
     for i, seed in enumerate(seeds):
-        alone = World(scenario)
         slots = episode(
             alone,
             first_state(alone, [seed]),
@@ -311,12 +320,11 @@ def _batch(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
 def _torch(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
     import torch
 
-    found = _played(scenario, seeds, library=torch)
+    found = _played(World(scenario, len(seeds), library=torch), seeds)
     _compare_slots(found, subject.played(scenario, seeds), ROUNDING)
 
 
-def _played(scenario: Scenario, seeds: Sequence[int], **backend: Any) -> list[Slot]:
-    world = World(scenario, len(seeds), **backend)
+def _played(world: World, seeds: Sequence[int]) -> list[Slot]:
     start, actions = first_state(world, seeds), actions_for(world, seeds[0])
     return episode(world, start, actions, chance=chance_for(world, seeds))
 
@@ -335,7 +343,7 @@ def _auvs(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
 def _permute(
     subject: _Subject, scenario: Scenario, seeds: Sequence[int], **order: np.ndarray[Any, Any]
 ) -> None:
-    world = World(scenario, len(seeds))
+    world = subject.world(scenario, seeds)
     start, actions = first_state(world, seeds), actions_for(world, seeds[0])
     place = None
     if subject.entry.role == "observation entry":
@@ -373,7 +381,7 @@ def _compare_slots(found: list[Slot], expected: list[Slot], rounding: float) -> 
 
 def _single(subject: _Subject, scenario: Scenario, seeds: Sequence[int]) -> None:
     """An environment of one's own, traced or on arrays, equals the batch."""
-    actions = actions_for(World(scenario, len(seeds)), seeds[0])
+    actions = actions_for(subject.world(scenario, seeds), seeds[0])
     slots = subject.played(scenario, seeds)
     env = iout_v0.parallel_env(scenario)
     env.reset(seed=seeds[0])
