@@ -6,6 +6,7 @@ registered without a version; what scenarios name and comes from outside states 
 
 from __future__ import annotations
 
+import functools
 import importlib
 import inspect
 import re
@@ -221,6 +222,7 @@ def registries() -> tuple[Registry[Any], ...]:
     return tuple(_REGISTRIES.values())
 
 
+@functools.cache
 def _load_built_in() -> None:
     """Import the parts that come with the package: scenarios know them by their kinds alone."""
     importlib.import_module("iout_marl.parts")

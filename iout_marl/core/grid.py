@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -36,7 +37,7 @@ class Grid:
         x, y, z = self.shape
         return x * y * z
 
-    @property
+    @cached_property
     def strides(self) -> npt.NDArray[np.int64]:
         """Step of the code for one cell along x, y and z.
 
@@ -46,7 +47,7 @@ class Grid:
         _, y, z = self.shape
         return np.array([(2 * y - 1) * (2 * z - 1), 2 * z - 1, 1])
 
-    @property
+    @cached_property
     def num_codes(self) -> int:
         """One more than the highest code; codes between those of cells stay unused."""
         return int(self.encode(np.array(self.shape) - 1)) + 1
@@ -110,7 +111,7 @@ class Grid:
         table[table == 0] = own_cell_m
         return table
 
-    @property
+    @cached_property
     def _relative_edges(self) -> Floats:
         return np.asarray(self.edges_m) / min(self.edges_m)
 

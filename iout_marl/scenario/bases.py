@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from iout_marl.errors import InputError
-from iout_marl.scenario.families import family_of
-from iout_marl.scenario.layers import Layer, read_file
-from iout_marl.scenario.naming import find_scenario, split_member
+from iout_marl.scenario.layers import Layer, parse_file, read_contents
+from iout_marl.scenario.naming import family_in, find_scenario, split_member
 from iout_marl.scenario.parts import part_of
 from iout_marl.scenario.places import KeyPath, Places, shorten, show_path
 from iout_marl.scenario.plain import plain_mapping
@@ -94,8 +93,8 @@ class _Chain:
         resolved = path.resolve()
         if resolved not in self._read:
             file, name = split_member(path)
-            layer = read_file(file)
-            family = family_of(layer, file)
+            contents = read_contents(file)
+            layer, family = parse_file(file, contents), family_in(file, contents)
             member = family.member(name) if family else None
             where = layer.origin(("extends",))
             bases = pop_bases(layer.data, where)

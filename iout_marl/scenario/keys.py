@@ -170,13 +170,11 @@ def _ranges_within(annotation: Any) -> list[Plausible]:
 def implausible(section: BaseModel, path: KeyPath = ()) -> Iterator[tuple[KeyPath, str]]:
     """Numbers of a section beyond their plausible range: where, and what is said of each."""
     own = ranges(type(section))
-    for name in type(section).model_fields:
-        value = getattr(section, name)
-        here = (*path, name)
+    for name, value in section.__dict__.items():
         if isinstance(value, BaseModel):
-            yield from implausible(value, here)
+            yield from implausible(value, (*path, name))
         elif name in own and value is not None:
-            for place, number in _numbers(value, here):
+            for place, number in _numbers(value, (*path, name)):
                 if not own[name].holds(number):
                     yield place, own[name].doubt(number)
 

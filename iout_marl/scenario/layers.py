@@ -11,7 +11,6 @@ A layer lies over another one: mappings merge key by key, all else replaces. Two
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -37,7 +36,7 @@ __all__ = [
 ]
 
 #: Lists, and the key beside each that says how many of its entries are meant.
-_COUNTED = {("nodes", "cells"): "count", ("auvs", "start_cells"): "count"}
+_COUNTED = {("nodes",): ("cells", "count"), ("auvs",): ("start_cells", "count")}
 #: Lists whose count may be larger than they are long.
 _CONTINUED = {("auvs", "start_cells")}
 #: Files up to this many characters are parsed once, as long as their contents stay the same.
@@ -46,7 +45,7 @@ _MAX_KEPT = 20_000
 
 @dataclass
 class Layer:
-    """Settings, and where each of them was written.
+    """Settings, and where each of them was written: layers share what lies in them.
 
     Attributes:
         data: nested mappings, lists and scalars.
@@ -63,10 +62,7 @@ class Layer:
 
     def over(self, base: Layer) -> Layer:
         """This layer's settings over those of `base`; both stay as they are."""
-        merged = Layer()
-        for layer in (base, self):
-            _merge(merged.data, layer.data, merged.places, layer.places, ())
-        return merged
+        return Layer(*_merged(base.data, self.data, base.places, self.places, ()))
 
     def below(self, key: str) -> Layer:
         """The layer as the part of that name of another one."""
@@ -84,44 +80,41 @@ def _still_holds(path: KeyPath, count: Any, cells: Any) -> bool:
     return count == len(cells) or (path in _CONTINUED and count > len(cells))
 
 
-def _merge(
-    base: dict[str, Any],
+def _merged(
+    base: Mapping[str, Any],
     upper: Mapping[str, Any],
     base_places: Places,
     upper_places: Places,
     path: KeyPath,
     *,
     is_one_layer: bool = False,
-) -> None:
-    """Lay `upper` over `base`, whose mappings and places are changed."""
-    base_places.where = upper_places.where or base_places.where
-    if not is_one_layer:
-        for listed, count in _COUNTED.items():
-            is_listed = path == listed[:-1] and listed[-1] in upper and count not in upper
-            if is_listed and not _still_holds(listed, base.get(count), upper[listed[-1]]):
-                base.pop(count, None)
-                base_places.inside.pop(count, None)
+) -> tuple[dict[str, Any], Places]:
+    """`upper` laid over `base`, with its places; what one of them has alone is not copied."""
+    merged, inside = dict(base), dict(base_places.inside)
+    if not is_one_layer and path in _COUNTED:
+        listed, count = _COUNTED[path]
+        is_listed = listed in upper and count not in upper
+        if is_listed and not _still_holds((*path, listed), base.get(count), upper[listed]):
+            merged.pop(count, None)
+            inside.pop(count, None)
     for key, value in upper.items():
-        old, places = base.get(key), upper_places.inside.get(key, Places())
-        if not isinstance(value, dict):
-            base[key], base_places.inside[key] = value, places
-            continue
-        if isinstance(old, str):
-            # A part that is written as its kind alone.
-            kind_places = base_places.inside.get(key, Places())
-            old = base[key] = {"kind": old}
-            base_places.inside[key] = Places(
-                kind_places.where, {"kind": kind_places}, kind_places.file
+        places = upper_places.inside.get(key) or Places()
+        if isinstance(value, dict):
+            old, old_places = base.get(key), base_places.inside.get(key) or Places()
+            if isinstance(old, str):
+                # A part that is written as its kind alone.
+                kind, file = {"kind": old_places}, old_places.file
+                old, old_places = {"kind": old}, Places(old_places.where, kind, file)
+            if not isinstance(old, dict) or (
+                "kind" in value and value["kind"] != old.get("kind", value["kind"])
+            ):
+                old, old_places = {}, Places()
+            merged[key], inside[key] = _merged(
+                old, value, old_places, places, (*path, key), is_one_layer=is_one_layer
             )
-        kind_changes = (
-            isinstance(old, dict)
-            and "kind" in value
-            and value["kind"] != old.get("kind", value["kind"])
-        )
-        if kind_changes or not isinstance(old, dict):
-            base[key], base_places.inside[key] = {}, Places()
-        inside = base_places.inside.setdefault(key, Places())
-        _merge(base[key], value, inside, places, (*path, key), is_one_layer=is_one_layer)
+        else:
+            merged[key], inside[key] = value, places
+    return merged, Places(upper_places.where or base_places.where, inside, base_places.file)
 
 
 def read_file(path: Path) -> Layer:
@@ -168,7 +161,7 @@ def parse_file(path: Path, contents: bytes) -> Layer:
         data = {}
     if not isinstance(data, dict):
         raise InputError(f"{name}:1: must be a mapping of keys to values")
-    return Layer(copy.deepcopy(data), Places(name, places.inside))
+    return Layer(dict(data), Places(name, places.inside))
 
 
 _parsed_once = lru_cache(maxsize=64)(read_yaml)
@@ -215,7 +208,7 @@ def _layer_of(settings: Iterable[tuple[str, Any, str, Places]]) -> Layer:
         for part in reversed(keys):
             data, places = {part: data}, Places(where, {part: places})
         places.where = ""
-        _merge(merged.data, data, merged.places, places, (), is_one_layer=True)
+        merged = Layer(*_merged(merged.data, data, merged.places, places, (), is_one_layer=True))
     return merged
 
 

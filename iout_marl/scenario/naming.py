@@ -173,7 +173,15 @@ def _family_in(file: Path) -> Family | None:
     Raises:
         InputError: it cannot be read, or describes none.
     """
-    contents = read_contents(file)
+    return family_in(file, read_contents(file))
+
+
+def family_in(file: Path, contents: bytes) -> Family | None:
+    """The family that the contents of a file describe, if they do.
+
+    Raises:
+        InputError: they are broken.
+    """
     return _family(file, show_file(file), contents) if b"matrix" in contents else None
 
 

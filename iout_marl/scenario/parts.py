@@ -77,6 +77,21 @@ def settings_of(role: str, data: dict[str, Any]) -> Settings:
     return settings_model(registry_of(role)[data["kind"]]).model_validate(data)
 
 
+def settings_of_kind(role: str, kind: str) -> Settings:
+    """Those of a kind that has no key beside it, or a default for each.
+
+    Raises:
+        InputError: no such kind.
+        pydantic.ValidationError: it has keys without a default.
+    """
+    return _settings_of_entry(registry_of(role)[kind])
+
+
+@cache
+def _settings_of_entry(entry: Entry[Any]) -> Settings:
+    return settings_model(entry).model_validate({"kind": entry.kind})
+
+
 def _unpickled(role: str, data: dict[str, Any], sources: tuple[str, ...]) -> Settings:
     """Settings from another process, whose parts from outside may not be here yet."""
     for source in sources:
@@ -153,15 +168,18 @@ def part_of(field: FieldInfo) -> PartOf | None:
 
 def parts_in(section: BaseModel, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Settings]]:
     """The settings of every part of a scenario, and where they stand; parts of parts follow."""
-    for name in type(section).model_fields:
-        value = getattr(section, name)
-        places = enumerate(value) if isinstance(value, tuple) else [(None, value)]
-        for i, item in places:
-            if isinstance(item, BaseModel):
-                here = (*path, name) if i is None else (*path, name, i)
-                if isinstance(item, Settings):
-                    yield here, item
-                yield from parts_in(item, here)
+    # As they lie there: asked for by name, fields take several times as long.
+    for name, value in section.__dict__.items():
+        found: list[tuple[KeyPath, BaseModel]] = []
+        if isinstance(value, BaseModel):
+            found = [((*path, name), value)]
+        elif isinstance(value, tuple):
+            items = enumerate(value)
+            found = [((*path, name, i), item) for i, item in items if isinstance(item, BaseModel)]
+        for here, item in found:
+            if isinstance(item, Settings):
+                yield here, item
+            yield from parts_in(item, here)
 
 
 def part_models() -> tuple[type[Settings], ...]:

@@ -21,7 +21,7 @@ from iout_marl.scenario.fields import (
     invalid,
 )
 from iout_marl.scenario.keys import all_keys, forget_keys, implausible, key_of, ranges_of
-from iout_marl.scenario.parts import PartOf, Settings, part_models, parts_in, settings_of
+from iout_marl.scenario.parts import PartOf, Settings, part_models, parts_in, settings_of_kind
 from iout_marl.scenario.places import shorten
 from iout_marl.scenario.sections import (
     Age,
@@ -349,7 +349,7 @@ class Scenario(Section):
         """The entries of an AUV's observation, in their order."""
         kinds = self.observation.part.kinds(self)
         return (
-            *(settings_of("observation entry", {"kind": kind}) for kind in kinds),
+            *(settings_of_kind("observation entry", kind) for kind in kinds),
             *self.observation.entries,
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import stat
 from collections.abc import Iterable
 from pathlib import Path
@@ -21,6 +22,7 @@ RUN_SCENARIO = "scenario.yaml"
 MAX_NAME = 200
 
 
+@functools.cache
 def bundled_root() -> Path:
     """The folder of the bundled scenarios."""
     installed = _PACKAGE / "_scenarios"

@@ -18,7 +18,7 @@ from iout_marl.physics.arrays import Array, ArrayLike
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import Section, invalid
-from iout_marl.scenario.parts import PartOf, settings_of
+from iout_marl.scenario.parts import PartOf, settings_of_kind
 from iout_marl.scenario.parts import Settings as PartSettings
 from iout_marl.whole import is_number
 
@@ -187,7 +187,7 @@ class Channel(Part):
 def _own(settings: Any, key: str, kind: str) -> Any:
     """The part that a key of the channel names; that of a kind where it has no such key."""
     found = getattr(settings, key, None)
-    return settings_of(key, {"kind": kind}).part if found is None else found.part
+    return settings_of_kind(key, kind).part if found is None else found.part
 
 
 channels: Registry[type[Channel]] = Registry("channel", Channel)

@@ -11,7 +11,7 @@ from iout_marl.physics.arrays import Array, ArrayLike
 from iout_marl.registry import Registry
 from iout_marl.scenario import Scenario
 from iout_marl.scenario.fields import SMALLEST, invalid
-from iout_marl.scenario.parts import settings_of
+from iout_marl.scenario.parts import settings_of_kind
 from iout_marl.whole import is_number, short
 
 
@@ -35,7 +35,7 @@ class Uplink(Part):
     @property
     def loss(self) -> Loss:
         """Which packets get lost, before it belongs to a world."""
-        loss: Loss = settings_of("loss", {"kind": "none"}).part
+        loss: Loss = settings_of_kind("loss", "none").part
         return loss
 
     @property
