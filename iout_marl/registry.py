@@ -25,8 +25,8 @@ Registered = TypeVar("Registered", bound=Callable[..., Any])
 _WORD = re.compile(r"[a-z][a-z0-9_]*")
 #: Modules whose entries are part of this package.
 _OWN = ("iout_marl", "trainers")
-#: Called whenever an entry comes or goes.
-on_change: list[Callable[[], None]] = []
+#: Called with its role whenever an entry comes or goes.
+on_change: list[Callable[[str], None]] = []
 #: Every registry, by role.
 _REGISTRIES: dict[str, Registry[Any]] = {}
 
@@ -207,7 +207,7 @@ class Registry(Generic[Item]):
 
     def _changed(self) -> None:
         for act in on_change if self.in_scenarios else ():
-            act()
+            act(self.role)
 
 
 def registry_of(role: str) -> Registry[Any]:

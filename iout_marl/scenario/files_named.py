@@ -117,4 +117,4 @@ def _may_hold(annotation: Any, above: frozenset[type[BaseModel]]) -> bool:
     )
 
 
-on_change.append(_fields.cache_clear)
+on_change.append(lambda _: _fields.cache_clear())

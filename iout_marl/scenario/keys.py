@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from iout_marl.registry import registry_of
+from iout_marl.registry import on_change, registry_of
 from iout_marl.scenario.fields import Plausible
 from iout_marl.scenario.parts import part_of
 from iout_marl.scenario.places import KeyPath
@@ -194,10 +194,13 @@ def ranges_of(model: Model) -> frozenset[str]:
     return frozenset(found)
 
 
-def forget_keys() -> None:
+def _forget_keys(_: str) -> None:
     """Look at the sections anew: a part has come or gone."""
     all_keys.cache_clear()
     ranges_of.cache_clear()
+
+
+on_change.append(_forget_keys)
 
 
 def _numbers(value: Any, path: KeyPath) -> Iterator[tuple[KeyPath, float]]:

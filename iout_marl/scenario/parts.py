@@ -16,9 +16,14 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
 from iout_marl.outside import bring_in, brought_in, source_of
-from iout_marl.registry import Entry, registries, registry_of
+from iout_marl.registry import Entry, on_change, registries, registry_of
 from iout_marl.scenario.fields import Section
 from iout_marl.scenario.places import KeyPath
+
+#: Sections that hold parts, beside settings of parts; those within others come first.
+holders: list[type[BaseModel]] = []
+#: Roles of which a part has come or gone since schemas were built.
+_changed_roles: set[str] = set()
 
 
 class Settings(Section):
@@ -74,6 +79,7 @@ def settings_of(role: str, data: dict[str, Any]) -> Settings:
         InputError: no such kind.
         pydantic.ValidationError: the settings do not fit.
     """
+    bring_up_to_date()
     return settings_model(registry_of(role)[data["kind"]]).model_validate(data)
 
 
@@ -182,24 +188,39 @@ def parts_in(section: BaseModel, path: KeyPath = ()) -> Iterator[tuple[KeyPath, 
             yield from parts_in(item, here)
 
 
-def part_models() -> tuple[type[Settings], ...]:
-    """Settings of all registered parts that hold parts themselves."""
+def bring_up_to_date() -> None:
+    """Build schemas anew into which a part belongs that has come or gone since they were built."""
+    if not _changed_roles:
+        return
+    roles = frozenset(_changed_roles)
+    _changed_roles.clear()
     models = [settings_model(e) for registry in registries() for e in registry if _is_part(e.item)]
-    return tuple(
-        model
-        for model in models
+    is_needed = any(model.__pydantic_complete__ for model in holders)
+    anew: set[type[BaseModel]] = set()
+    for model in (*models, *holders):
         if any(
-            part_of(field) or _names_part(field.annotation) for field in model.model_fields.values()
-        )
-    )
+            (found.role in roles or not anew.isdisjoint(found.models()))
+            if isinstance(found, PartOf)
+            else found in anew
+            for field in model.model_fields.values()
+            for found in (*field.metadata, *_within(field.annotation))
+        ):
+            anew.add(model)
+        if model.__pydantic_complete__ or is_needed:
+            # What is built by itself is not built again within whatever holds it.
+            model.model_rebuild(force=model in anew)
 
 
-def _names_part(annotation: Any) -> bool:
-    """Whether parts are listed in a field of that type."""
-    if any(isinstance(found, PartOf) for found in getattr(annotation, "__metadata__", ())):
-        return True
-    return any(map(_names_part, get_args(annotation)))
+def _within(annotation: Any) -> Iterator[Any]:
+    """A type, those within it, and what each of them is annotated with."""
+    yield annotation
+    yield from getattr(annotation, "__metadata__", ())
+    for inner in get_args(annotation):
+        yield from _within(inner)
 
 
 def _is_part(item: Any) -> bool:
     return isinstance(getattr(item, "Settings", None), type)
+
+
+on_change.append(_changed_roles.add)

@@ -15,6 +15,7 @@ from iout_marl.outside import load_entry_points
 from iout_marl.scenario.files_named import with_files_read
 from iout_marl.scenario.keys import Unknown, all_keys, unknown_keys
 from iout_marl.scenario.layers import Layer
+from iout_marl.scenario.parts import bring_up_to_date
 from iout_marl.scenario.places import KeyPath, shorten, show_path, show_value
 from iout_marl.words import listed
 
@@ -35,6 +36,7 @@ def validate(model: type[Model], layer: Layer) -> Model:
         InputError: one line with file, line, key and what was meant.
     """
     load_entry_points()
+    bring_up_to_date()
     try:
         return model.model_validate(with_files_read(model, layer))
     except ValidationError as error:

@@ -13,15 +13,14 @@ import numpy.typing as npt
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from iout_marl.errors import InputError, did_you_mean
-from iout_marl.registry import on_change
 from iout_marl.scenario.data_files import PATH_OF
 from iout_marl.scenario.fields import (
     Section,
     Text,
     invalid,
 )
-from iout_marl.scenario.keys import all_keys, forget_keys, implausible, key_of, ranges_of
-from iout_marl.scenario.parts import PartOf, Settings, part_models, parts_in, settings_of_kind
+from iout_marl.scenario.keys import all_keys, implausible, key_of, ranges_of
+from iout_marl.scenario.parts import PartOf, Settings, holders, parts_in, settings_of_kind
 from iout_marl.scenario.places import shorten
 from iout_marl.scenario.sections import (
     Age,
@@ -396,13 +395,4 @@ def _hashed(section: BaseModel, data: Any) -> Any:
     return {**(data if isinstance(data, dict) else {"kind": data}), "version": version}
 
 
-def _rebuild() -> None:
-    """Take in a part that was registered after a scenario had been read."""
-    forget_keys()
-    if Scenario.__pydantic_complete__:
-        holders: tuple[type[BaseModel], ...] = (*part_models(), Auvs, Training, Scenario)
-        for model in holders:
-            model.model_rebuild(force=True)
-
-
-on_change.append(_rebuild)
+holders += (Auvs, Training, Scenario)

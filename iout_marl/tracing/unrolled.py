@@ -76,7 +76,7 @@ def unrolled_slot(
 
 
 # Of a name another part may be registered.
-on_change.append(unrolled_slot.cache_clear)
+on_change.append(lambda _: unrolled_slot.cache_clear())
 
 
 def _reason(error: Exception) -> str:

@@ -55,7 +55,7 @@ def check_first_slot(
 
 
 # Of a name another part may be registered.
-on_change.append(check_first_slot.cache_clear)
+on_change.append(lambda _: check_first_slot.cache_clear())
 
 
 def watch(world: Any, is_watched: Callable[[Settings], bool]) -> None:

@@ -6,7 +6,6 @@ bit; only the hash differs.
 
 import dataclasses
 import re
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from test_contracts import CELLS, OVERRIDES
 from test_contracts import SETTINGS as CONTRACTS
 from tiny_study import SameProcess, write_study
 
-from iout_marl import InputError, Trainer, bounds, evaluate, load_scenario, record_episode, registry
+from iout_marl import InputError, Trainer, bounds, evaluate, load_scenario, record_episode
 from iout_marl.bounds.check_game import finite_game, is_covered
 from iout_marl.bounds.finite_game import FiniteGame
 from iout_marl.outlook import energy_outlook
@@ -115,28 +114,16 @@ CASES = [
 ]
 
 
-@contextmanager
-def one_change():
-    """Schemas follow what is registered meanwhile all at once: each time takes a while."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(registry, "on_change", [])
-        yield
-    for act in registry.on_change:
-        act()
-
-
 @pytest.fixture(scope="module", autouse=True)
 def _registered_again():
     """All parts, under another name."""
     names = [case.values[0] for case in CASES]
-    with one_change():
-        for role, kind in names:
-            parts = registry_of(role)
-            parts.register(AGAIN + kind, version=1)(parts[kind].item)
+    for role, kind in names:
+        parts = registry_of(role)
+        parts.register(AGAIN + kind, version=1)(parts[kind].item)
     yield
-    with one_change():
-        for role, kind in names:
-            registry_of(role).unregister(AGAIN + kind)
+    for role, kind in names:
+        registry_of(role).unregister(AGAIN + kind)
 
 
 @pytest.fixture(scope="module")
