@@ -318,6 +318,8 @@ class Oracle:
         self.own_cell_m = 0.0
         if scenario.grid.own_cell_distance == "mean":
             self.own_cell_m = mean_within(*edges(scenario))
+        #: Of a distance and a credit.
+        self.best_betas: dict[tuple[float, float], float] = {}
         self.slot = 0
         #: Of each AUV under way: its direction, and the slots until it arrives.
         self.transit: list[tuple[int, int] | None] = [None for _ in self.auvs]
@@ -489,12 +491,19 @@ class Oracle:
                 return 0.0
             if surplus(low) >= 0:
                 return low
-            best = summit(surplus, low, high)
+            best = self.best_beta(surplus, d, credit)
             return sign_change(surplus, low, best) if surplus(best) >= 0 else 1.0
-        best = summit(surplus, low, high)
+        best = self.best_beta(surplus, d, credit)
         if surplus(low) <= 0 <= surplus(best):
             return sign_change(surplus, low, best)
         return 0.0 if suffices else 1.0
+
+    def best_beta(self, surplus: Callable[[float], float], d: float, credit: float) -> float:
+        """The β of the largest surplus, which is searched for once at a distance and a credit."""
+        if (d, credit) not in self.best_betas:
+            duplex = self.scenario.duplex
+            self.best_betas[d, credit] = summit(surplus, duplex.beta_min, duplex.beta_max)
+        return self.best_betas[d, credit]
 
     def charge(self) -> None:
         """Eq. `energy updating`, e_r: a node takes from every AUV that charges it."""

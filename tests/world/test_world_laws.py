@@ -122,11 +122,12 @@ def test_a_batch_is_its_environments_one_by_one(scenario, seed):
     last = batch[-1][0]
     for i in range(3):
         layout = batch[0][0].node_cell[i : i + 1]
-        _, alone = play(scenario, actions[:, i : i + 1], layout)
+        single, alone = play(scenario, actions[:, i : i + 1], layout)
         np.testing.assert_array_equal(alone[-1][0].energy_j[0], last.energy_j[i])
         np.testing.assert_array_equal(alone[-1][0].age[0], last.age[i])
+        metrics = single.metrics(alone[-1][0])
         for name, values in world.metrics(last).items():
-            np.testing.assert_allclose(values[i], World(scenario).metrics(alone[-1][0])[name][0])
+            np.testing.assert_allclose(values[i], metrics[name][0])
 
 
 def fdd_slot(scenario, action, energy_j=0.0):
