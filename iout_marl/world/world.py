@@ -15,9 +15,7 @@ from iout_marl.arrays.nodes import NodeAxis
 from iout_marl.core.chance import Chance
 from iout_marl.core.credit import Credit
 from iout_marl.core.current import CurrentField
-from iout_marl.core.grid import Grid
 from iout_marl.core.limits import MOST_ENVS, check_scenario
-from iout_marl.core.link import Link
 from iout_marl.core.reasons import Reason
 from iout_marl.core.sampling import Sampling
 from iout_marl.core.state import Events, State
@@ -49,11 +47,11 @@ from iout_marl.world.chance import (
 )
 from iout_marl.world.manoeuvre import Manoeuvre
 from iout_marl.world.mask import ActionMask
-from iout_marl.world.motion import Mover
 from iout_marl.world.observation import Observer
 from iout_marl.world.outcomes import Outcomes, outcomes, polled_outcomes
 from iout_marl.world.placement import node_codes
 from iout_marl.world.reception import Reception, may_differ, nothing
+from iout_marl.world.tables import Tables
 from iout_marl.world.transition import Transition
 from iout_marl.world.watch import check_first_slot
 
@@ -129,9 +127,10 @@ class World:
         self.measured = tuple(metric for metric in asked if metric.applies(scenario))
         self.summed = tuple(metric for metric in self.measured if metric.computed_from == "slot")
         self.backend = backend = Backend.from_library(library, dtype, device)
-        self.grid = Grid.from_scenario(scenario)
-        self.link = Link(scenario, self.grid, backend)
-        self.motion = Mover(scenario, self.grid, backend)
+        # What stands in for an array library, to write down what is done, has constants of its own.
+        make_tables = Tables.shared if isinstance(library, ModuleType) else Tables
+        self._tables = tables = make_tables(scenario, backend)
+        self.grid, self.link, self.motion = tables.grid, tables.link, tables.motion
         self.may_be_idle = scenario.may_be_idle
         self.nodes = NodeAxis(
             num_envs,
