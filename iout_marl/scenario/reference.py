@@ -7,10 +7,12 @@ described by the `#:` comment above its field, a section and a kind of part by t
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
+import sys
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import BaseModel, TypeAdapter
@@ -192,18 +194,45 @@ def _comments(model: type[BaseModel]) -> dict[str, str]:
     for base in reversed(model.__mro__):
         if not issubclass(base, BaseModel) or base is BaseModel:
             continue
-        try:
-            source = inspect.getsource(base)
-        except (OSError, TypeError):  # made by a call, or typed where nothing is kept
-            continue
         above: list[str] = []
-        for line in source.splitlines():
+        for line in _lines_of(base):
             if comment := _COMMENT.match(line):
                 above.append(comment[1])
                 continue
             if above and (field := _FIELD.match(line)):
                 found[field[1]] = " ".join(above)
             above = []
+    return found
+
+
+def _lines_of(model: type[BaseModel]) -> list[str]:
+    """The source of a class; nothing where it was made by a call, or typed and not kept."""
+    try:
+        # Of the class itself, `inspect` would read and parse the file each time.
+        source = inspect.getsource(sys.modules[model.__module__])
+    except (KeyError, OSError, TypeError):
+        return []
+    first, last = _classes_in(source).get(model.__qualname__, (0, 0))
+    return source.splitlines()[first:last]
+
+
+@lru_cache(maxsize=64)
+def _classes_in(source: str) -> dict[str, tuple[int, int]]:
+    """The first line, from 0, and the end of every class of a file, by its qualified name."""
+    found: dict[str, tuple[int, int]] = {}
+
+    def look(node: ast.AST, above: str) -> None:
+        for inner in ast.iter_child_nodes(node):
+            if isinstance(inner, ast.ClassDef):
+                name = f"{above}{inner.name}"
+                found.setdefault(name, (inner.lineno - 1, inner.end_lineno or 0))
+                look(inner, f"{name}.")
+            elif isinstance(inner, ast.FunctionDef | ast.AsyncFunctionDef):
+                look(inner, f"{above}{inner.name}.<locals>.")
+            else:
+                look(inner, above)
+
+    look(ast.parse(source), "")
     return found
 
 
