@@ -377,8 +377,9 @@ def _hashed(section: BaseModel, data: Any) -> Any:
     """What of a section's data is in the hash: all but keys that mean as before they came."""
     version = section.entry.version if isinstance(section, Settings) else None
     if isinstance(data, dict):
-        for name in data.keys() & type(section).model_fields.keys():
-            inner = getattr(section, name)
+        for name, inner in section.__dict__.items():
+            if name not in data:
+                continue
             if isinstance(inner, BaseModel):
                 data[name] = _hashed(inner, data[name])
             elif isinstance(inner, tuple) and inner and isinstance(inner[0], BaseModel):
