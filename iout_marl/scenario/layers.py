@@ -103,8 +103,8 @@ def _merged(
             old, old_places = base.get(key), base_places.inside.get(key) or Places()
             if isinstance(old, str):
                 # A part that is written as its kind alone.
-                kind, file = {"kind": old_places}, old_places.file
-                old, old_places = {"kind": old}, Places(old_places.where, kind, file)
+                of_kind = Places(old_places.where, {"kind": old_places}, old_places.file)
+                old, old_places = {"kind": old}, of_kind
             if not isinstance(old, dict) or (
                 "kind" in value and value["kind"] != old.get("kind", value["kind"])
             ):
