@@ -17,7 +17,7 @@ from pydantic.fields import FieldInfo
 
 from iout_marl.registry import on_change, registry_of
 from iout_marl.scenario.fields import Plausible
-from iout_marl.scenario.parts import part_of
+from iout_marl.scenario.parts import PartOf, part_of
 from iout_marl.scenario.places import KeyPath
 
 Model = type[BaseModel]
@@ -57,9 +57,10 @@ def unknown_keys(
     model = _of_kind(models, named)
     if model is None:
         return  # a kind that there is not is an error of its own
+    fields = _fields(model)
     for key, value in data.items():
-        if key in model.model_fields:
-            yield from _in_field(model.model_fields[key], value, (*path, key))
+        if key in fields:
+            yield from fields[key].unknown(value, (*path, key))
         else:
             having = (m for m in models if key in m.model_fields and m is not model)
             kinds = tuple(kind for other in having for kind in _kinds(other))
@@ -67,18 +68,33 @@ def unknown_keys(
             yield Unknown((*path, key), model, kind, kinds)
 
 
-def _in_field(field: FieldInfo, value: Any, path: KeyPath) -> Iterator[Unknown]:
-    sections, part = sections_of(field), part_of(field)
-    if part:
-        value = part.completed(value)
-    if sections:
-        part = part_of(field)
-        yield from unknown_keys(sections, value, path, part.default if part else "")
-        return
-    origin, arguments = get_origin(field.annotation), get_args(field.annotation)
-    if origin is dict and isinstance(value, Mapping) and _sections(arguments[1]):
-        for key, item in value.items():
-            yield from unknown_keys(_sections(arguments[1]), item, (*path, key))
+@dataclass(frozen=True)
+class _Field:
+    """What a field may hold: sections, those of a part, or sections by words."""
+
+    sections: tuple[Model, ...]
+    part: PartOf | None
+    by_word: tuple[Model, ...]
+
+    def unknown(self, value: Any, path: KeyPath) -> Iterator[Unknown]:
+        """`unknown_keys` in its value."""
+        if self.sections:
+            completed = self.part.completed(value) if self.part else value
+            default = self.part.default if self.part else ""
+            yield from unknown_keys(self.sections, completed, path, default)
+        elif self.by_word and isinstance(value, Mapping):
+            for key, item in value.items():
+                yield from unknown_keys(self.by_word, item, (*path, key))
+
+
+@cache
+def _fields(model: Model) -> Mapping[str, _Field]:
+    found = {}
+    for name, field in model.model_fields.items():
+        origin, arguments = get_origin(field.annotation), get_args(field.annotation)
+        by_word = _sections(arguments[1]) if origin is dict else ()
+        found[name] = _Field(sections_of(field), part_of(field), by_word)
+    return types.MappingProxyType(found)
 
 
 def _of_kind(models: tuple[Model, ...], kind: Any) -> Model | None:
@@ -196,8 +212,8 @@ def ranges_of(model: Model) -> frozenset[str]:
 
 def _forget_keys(_: str) -> None:
     """Look at the sections anew: a part has come or gone."""
-    all_keys.cache_clear()
-    ranges_of.cache_clear()
+    for found in (all_keys, ranges_of, _fields):
+        found.cache_clear()
 
 
 on_change.append(_forget_keys)
