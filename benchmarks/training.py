@@ -3,8 +3,8 @@
 Both train on the same scenario from rollout to update, logs off. Stable-Baselines3 runs
 on the joint Gymnasium environment at the paper's settings (8 environments, 100 slots and
 minibatches of 100, 10 epochs); this trainer at the same settings, at its shorter and its default
-preset, and in two processes that train one policy (one torch thread each; as their log tells, so with
-logs and checkpoints). They take turns; the median is what counts, the ratio is to
+preset, and in two processes that train one policy (one torch thread each; as their log tells, so
+with logs and checkpoints). They take turns; the median is what counts, the ratio is to
 Stable-Baselines3 in the same round. Every other subject runs with `--threads` torch threads.
 
 Then what a whole `iout train` takes from the start of its process to its first update, and
