@@ -97,9 +97,11 @@ def _columns(headings: Sequence[str], where: str) -> dict[str, int]:
         raise InputError(f"{where}: has columns of both kinds; only {_NEEDED}")
     missing = [name for name in kinds[0] if name not in found] if kinds else ["latitude"]
     if missing:
-        known = [name for names in _NAMES.values() for name in names]
-        near = [did_you_mean(name, known, or_list=False) for name in plain if name not in known]
-        hint = next(filter(None, near), "")
+        others = [heading for i, heading in enumerate(headings) if i not in found.values()]
+        near = [
+            did_you_mean(_plain(heading), _NAMES[missing[0]], or_list=False) for heading in others
+        ]
+        hint = next(filter(None, near), f"; there are {', '.join(map(short, headings[:9]))}")
         raise InputError(f"{where}: has no column for the {missing[0]}: {_NEEDED}{hint}")
     return {name: found[name] for name in kinds[0]}
 

@@ -5,15 +5,15 @@ Training presets and families list them: `cases: [{when: {dotted key: value, …
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from iout_marl.errors import InputError, did_you_mean
+from iout_marl.scenario.hints import hint_to_dotted_key
 from iout_marl.scenario.keys import all_keys, choices
 from iout_marl.scenario.layers import Layer
 from iout_marl.scenario.placeholders import word_of
 from iout_marl.scenario.places import Places, shorten
-from iout_marl.scenario.problems import hint_to_key
 from iout_marl.scenario.schema import Scenario
 
 
@@ -28,9 +28,29 @@ def cases_that_hold(
         axes: names that conditions may have beside keys of the scenario, with their values.
 
     Raises:
-        InputError: no case is so written, or a condition cannot hold in any scenario.
+        InputError: as by `checked_cases`.
     """
     axes = axes or {}
+    for case, places in checked_cases(layer, axes):
+        if all(
+            word_of(value) == axes[key] if key in axes else value_at(scenario, key) == value
+            for key, value in case["when"].items()
+        ):
+            yield case["set"], places.inside["set"]
+
+
+def checked_cases(
+    layer: Layer, axes: Collection[str]
+) -> Iterator[tuple[Mapping[str, Any], Places]]:
+    """Each case with its `when` and its `set`, and where it was written.
+
+    Args:
+        layer: what has `cases`.
+        axes: names that conditions may have beside keys of the scenario.
+
+    Raises:
+        InputError: no case is so written, or a condition cannot hold in any scenario.
+    """
     cases = layer.data.get("cases", [])
     if not isinstance(cases, list):
         raise InputError(f"{layer.origin(('cases',))}: cases: must be a list")
@@ -45,18 +65,14 @@ def cases_that_hold(
         for key, value in case["when"].items():
             if key not in axes:
                 _check_condition(key, value, layer.origin(("cases", i, "when", key)))
-        if all(
-            word_of(value) == axes[key] if key in axes else value_at(scenario, key) == value
-            for key, value in case["when"].items()
-        ):
-            yield case["set"], layer.places.inside["cases"].inside[i].inside["set"]
+        yield case, layer.places.inside["cases"].inside[i]
 
 
 def _check_condition(key: str, value: Any, where: str) -> None:
     """Refuse a condition that cannot hold in any scenario."""
     fields = all_keys(Scenario).get(key)
     if fields is None:
-        hint = hint_to_key(Scenario, key)
+        hint = hint_to_dotted_key(Scenario, key)
         raise InputError(f"{where}: cases: when: {shorten(key)}: unknown key{hint}")
     listed = [choices(field) for field in fields]
     known = [str(choice) for values in listed for choice in values or ()]

@@ -13,11 +13,12 @@ import numpy as np
 from iout_marl.errors import InputError
 from iout_marl.scenario.bases import NOT_OF_FAMILIES
 from iout_marl.scenario.data_files import data_files
+from iout_marl.scenario.hints import hint_to_dotted_key
 from iout_marl.scenario.keys import all_keys, takes_whole_numbers
 from iout_marl.scenario.layers import Layer, overrides_layer
 from iout_marl.scenario.over import Choices, ForEachNode, Range, Variation, Varied
 from iout_marl.scenario.places import Places, show_path
-from iout_marl.scenario.problems import hint_to_key, validate
+from iout_marl.scenario.problems import validate
 from iout_marl.scenario.schema import Scenario
 
 #: Sections of the scenario that is trained, whatever is drawn.
@@ -239,7 +240,7 @@ def _base(entry: Varied, alone: Scenario, i: int) -> Scenario:
 
 def _check_key(key: str, path: tuple[str | int, ...], layer: Layer) -> None:
     if key not in all_keys(Scenario):
-        raise _at(path, f"unknown key{hint_to_key(Scenario, key)}", layer)
+        raise _at(path, f"unknown key{hint_to_dotted_key(Scenario, key)}", layer)
     if key.partition(".")[0] in _FIXED:
         raise _at(path, "cannot be drawn: it is the same for all that a training goes over", layer)
 

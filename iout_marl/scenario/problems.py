@@ -13,10 +13,12 @@ from pydantic_core import ErrorDetails
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.outside import load_entry_points
 from iout_marl.scenario.files_named import with_files_read
-from iout_marl.scenario.keys import Unknown, all_keys, unknown_keys
+from iout_marl.scenario.hints import hint_to_key
+from iout_marl.scenario.keys import Unknown, all_keys, key_of, unknown_keys
 from iout_marl.scenario.layers import Layer
 from iout_marl.scenario.parts import bring_up_to_date
 from iout_marl.scenario.places import KeyPath, shorten, show_path, show_value
+from iout_marl.scenario.sources import bundled_root
 from iout_marl.words import listed
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -29,8 +31,13 @@ _BOOLEANS = {
 }
 
 
-def validate(model: type[Model], layer: Layer) -> Model:
+def validate(model: type[Model], layer: Layer, *, if_missing: str = "") -> Model:
     """A layer's settings as a checked model.
+
+    Args:
+        model: of what.
+        layer: the settings.
+        if_missing: what an error says at its end where one of the whole's own keys is missing.
 
     Raises:
         InputError: one line with file, line, key and what was meant.
@@ -45,7 +52,20 @@ def validate(model: type[Model], layer: Layer) -> Model:
             raise InputError(unknown) from None
         problems = error.errors(include_url=False)
         more = f" (and {len(problems) - 1:,} more)" if len(problems) > 1 else ""
-        raise InputError(_describe(problems[0], layer) + more) from None
+        is_missing = problems[0]["type"] == "missing" and len(problems[0]["loc"]) == 1
+        hint = if_missing if is_missing else ""
+        raise InputError(_describe(problems[0], layer) + more + hint) from None
+
+
+def refuse_unknown(model: type[BaseModel], layer: Layer) -> None:
+    """Refuse keys that a file cannot have, whatever it is laid over.
+
+    Raises:
+        InputError: one line with file, line, key and what was meant.
+    """
+    keys = (key for key in unknown_keys((model,), layer.data) if not key.other_kinds)
+    if unknown := _describe_unknown(model, keys, layer):
+        raise InputError(unknown)
 
 
 def _describe_unknown(model: type[BaseModel], keys: Iterator[Unknown], layer: Layer) -> str:
@@ -61,38 +81,15 @@ def _describe_unknown(model: type[BaseModel], keys: Iterator[Unknown], layer: La
 
 def _hint(model: type[BaseModel], unknown: Unknown, *, or_list: bool) -> str:
     key, own = str(unknown.path[-1]), unknown.model.model_fields
-    near = did_you_mean(shorten(key), own, or_list=False)
     if unknown.other_kinds:
         kinds = listed(list(map(repr, unknown.other_kinds)))
-        return f" of kind {unknown.kind!r}: it belongs to kind {kinds}{near}"
+        return f" of kind {unknown.kind!r}: it belongs to kind {kinds}"
     if key in ("extends", "matrix"):
         return f": {key} stands at the top of a file"
     if "." in key and key in all_keys(model):
         section, _, rest = key.partition(".")
         return f": in a file it is written {section}: {{{rest.replace('.', ': {')}: …}}"
-    elsewhere = _sections_with(model, key)
-    if elsewhere:
-        return f"; did you mean {elsewhere}?"
-    return near or hint_to_key(model, key) or (did_you_mean("", own) if or_list else "")
-
-
-def _sections_with(model: type[BaseModel], key: str) -> str:
-    """The dotted keys of a file that end in a key, if that is a few: a section was forgotten."""
-    found = [dotted for dotted in all_keys(model) if dotted.rpartition(".")[2] == key]
-    return " or ".join(repr(dotted) for dotted in found) if len(found) <= 4 else ""
-
-
-def hint_to_key(model: type[BaseModel], key: str) -> str:
-    """'; did you mean …?' for the dotted key nearest to one that there is not, or nothing."""
-    last = shorten(key.rpartition(".")[2])
-    names = {dotted.rpartition(".")[2]: dotted for dotted in all_keys(model)}
-    near = did_you_mean(shorten(key), all_keys(model), or_list=False)
-    if near:
-        return near
-    by_name = did_you_mean(last, names, or_list=False)
-    for name, dotted in names.items():
-        by_name = by_name.replace(repr(name), repr(dotted))
-    return by_name
+    return hint_to_key(model, key_of(unknown.path[:-1]), own, key, or_list=or_list)
 
 
 def _describe(problem: ErrorDetails, layer: Layer) -> str:
@@ -134,9 +131,15 @@ def _describe(problem: ErrorDetails, layer: Layer) -> str:
     elif kind != "invalid":
         message = f"{message.replace('Input should', 'must')}, not {show_value(given)}"
         message += _what_was_meant(kind, given)
-    elif context.get("beside"):
-        message += _place_of(context["beside"], path, layer)
-    return f"{layer.origin(path)}: {show_path(path)}: {message}"
+    where = layer.origin(path)
+    beside: KeyPath = context.get("beside") or path
+    other = layer.origin(beside)
+    if other == where:
+        return f"{where}: {show_path(path)}: {message}"
+    if _is_bundled(path, layer) and not _is_bundled(beside, layer):
+        # Of the two only the other one stands where the user can write.
+        return f"{other}: {show_path(beside)}: set {key_of(path)} beside it: {message} ({where})"
+    return f"{where}: {show_path(path)}: {message} ({show_path(beside)}: {other})"
 
 
 def unknown_kind(kind: str, known: Sequence[str]) -> str:
@@ -148,10 +151,10 @@ def unknown_kind(kind: str, known: Sequence[str]) -> str:
     )
 
 
-def _place_of(beside: KeyPath, path: KeyPath, layer: Layer) -> str:
-    """Where the other key stands, if that is somewhere else."""
-    where = layer.origin(beside)
-    return "" if where == layer.origin(path) else f" ({show_path(beside)}: {where})"
+def _is_bundled(path: KeyPath, layer: Layer) -> bool:
+    """Whether a key was written in a file that comes with the package."""
+    file = layer.places.file_of(path)
+    return file is not None and file.resolve().is_relative_to(bundled_root().resolve())
 
 
 def _what_was_meant(kind: str, given: Any) -> str:
@@ -160,7 +163,7 @@ def _what_was_meant(kind: str, given: Any) -> str:
         word = _BOOLEANS.get(str(given).lower())
         return f"; did you mean {word}?" if word else ""
     if kind.startswith("string") and isinstance(given, bool | int | float):
-        return f'; write it in quotes: "{show_value(given).lower()}"'
+        return f'; write it in quotes: "{show_value(given)}"'
     if kind.startswith(("int", "float")) and isinstance(given, str):
         number = given.strip().replace("_", "")
         try:

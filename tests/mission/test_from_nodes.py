@@ -234,7 +234,12 @@ BAD = {
     "nothing-known": (
         "n.csv",
         "a,b\n1,2\n",
-        f"n.csv:1: has no column for the latitude: {NEEDED}",
+        f"n.csv:1: has no column for the latitude: {NEEDED}; there are 'a', 'b'",
+    ),
+    "other-words": (
+        "n.csv",
+        "breite,laenge,tiefe\n1,2,3\n",
+        f"n.csv:1: has no column for the latitude: {NEEDED}; there are 'breite', 'laenge', 'tiefe'",
     ),
     "both-kinds": (
         "n.csv",

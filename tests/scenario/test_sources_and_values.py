@@ -199,8 +199,8 @@ def test_of_many_unknown_keys_some_are_described_and_all_counted(tmp_path, secti
 def test_hints_are_sought_only_for_the_keys_described(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(
-        "iout_marl.scenario.problems.did_you_mean",
-        lambda word, known, **kwargs: asked.append(word) or "",
+        "iout_marl.scenario.problems.hint_to_key",
+        lambda model, section, own, key, **kwargs: asked.append(key) or "",
     )
     with pytest.raises(InputError):
         load_scenario({"extends": P, **{f"k{i}": 1 for i in range(5000)}})
