@@ -219,6 +219,16 @@ def test_tables_that_do_not_fit_are_refused(file, message):
     assert message in told
 
 
+@pytest.mark.parametrize("make", [by_depth, by_cell])
+def test_faults_of_a_file_alone_are_not_put_down_to_the_grid(make):
+    whole = by_cells(FREQUENCIES_KHZ, CELLS)
+    for contents, what in ((b"", "is empty"), (whole.contents[:99], "is no npz file")):
+        file = type(whole)("loss.csv" if not contents else "loss.npz", contents)
+        told = refused(make, file)
+        assert told.startswith(f"tables: {file.path}: {what}")
+        assert "grid.cells" not in told
+
+
 def test_lists_must_have_every_combination_once():
     whole = by_range_and_depth(FREQUENCIES_KHZ)
     lines = whole.contents.split(b"\n")

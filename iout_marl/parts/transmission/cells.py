@@ -43,7 +43,11 @@ class Cells(Transmission):
             )
         for khz in {duplex.charging_frequency_khz, duplex.uplink_frequency_khz}:
             try:
-                _check_fits(scenario, self._table(khz))
+                table = self._table(khz)
+            except InputError as error:
+                raise refuse(str(error)) from None
+            try:
+                _check_fits(scenario, table)
             except InputError as error:
                 raise refuse(str(error), beside=("grid", "cells")) from None
 

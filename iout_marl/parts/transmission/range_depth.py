@@ -58,7 +58,11 @@ class RangeDepth(Transmission):
         pairs = Pairs.from_layers(grid)
         for khz in {duplex.charging_frequency_khz, duplex.uplink_frequency_khz}:
             try:
-                self._check_covers(scenario, self._table(khz), pairs)
+                table = self._table(khz)
+            except InputError as error:
+                raise refuse(str(error)) from None
+            try:
+                self._check_covers(scenario, table, pairs)
             except InputError as error:
                 raise refuse(str(error), beside=("grid", "cells")) from None
 
