@@ -26,12 +26,13 @@ from typing import Annotated, Any
 from pydantic import Field, field_validator
 
 from iout_marl.errors import InputError, did_you_mean
-from iout_marl.scenario.cases import cases_that_hold
+from iout_marl.scenario.cases import cases_that_hold, checked_cases
 from iout_marl.scenario.fields import Section, Text, invalid
 from iout_marl.scenario.layers import Layer, settings_layer
 from iout_marl.scenario.placeholders import fill_placeholders, placeholders, word_of
 from iout_marl.scenario.places import Places, shorten, show_file, show_path, show_value
-from iout_marl.scenario.problems import validate
+from iout_marl.scenario.problems import refuse_unknown, validate
+from iout_marl.scenario.schema import Scenario
 from iout_marl.words import listed
 
 #: More members than a family has.
@@ -159,12 +160,12 @@ class Member:
         Raises:
             InputError: a placeholder that is no axis, a case that is none.
         """
-        whole = self._filled(self.family.own).over(bases)
+        whole = self.filled(self.family.own).over(bases)
         for axis, value in self.axes.items():
-            whole = self._filled(self.family.settings[axis][value]).over(whole)
+            whole = self.filled(self.family.settings[axis][value]).over(whole)
         cases = cases_that_hold(self.family.matrix, whole.data, self.axes)
         for layer in [settings_layer(*case) for case in cases]:
-            whole = self._filled(layer).over(whole)
+            whole = self.filled(layer).over(whole)
         return whole
 
     def fill(self, text: str, where: str, key: str) -> str:
@@ -175,7 +176,12 @@ class Member:
         """
         return fill_placeholders(text, self.axes, f"{where}: {key}")
 
-    def _filled(self, layer: Layer) -> Layer:
+    def filled(self, layer: Layer) -> Layer:
+        """A layer with its texts filled in.
+
+        Raises:
+            InputError: as by `fill`.
+        """
         texts = {
             key: self.fill(layer.data[key], layer.origin((key,)), key)
             for key in _FILLED
@@ -202,7 +208,9 @@ def family_of(layer: Layer, file: Path) -> Family | None:
     }
     members = _members(checked, matrix, settings)
     _check_conditions(matrix, settings)
-    return Family(file, Layer(own, layer.places), settings, members, matrix)
+    family = Family(file, Layer(own, layer.places), settings, members, matrix)
+    _check_members(family, layer)
+    return family
 
 
 def _settings(axis: str, values: Any, places: Places) -> Iterator[tuple[str, Layer]]:
@@ -248,6 +256,25 @@ def _members(
     if not left:
         raise refuse(("without",), "leaves no member")
     return left
+
+
+def _check_members(family: Family, layer: Layer) -> None:
+    """Refuse what no member can have: unknown keys, and placeholders that are no axes.
+
+    `layer` is the whole file.
+    """
+    member = Member(family, next(iter(family.members)))
+    bases = layer.data.get("extends")
+    for base in [bases] if isinstance(bases, str) else bases or []:
+        if isinstance(base, str):
+            member.fill(base, layer.origin(("extends",)), "extends")
+    cases = checked_cases(family.matrix, family.settings)
+    for part in (
+        family.own,
+        *(value for values in family.settings.values() for value in values.values()),
+        *(settings_layer(case["set"], places.inside["set"]) for case, places in cases),
+    ):
+        refuse_unknown(Scenario, member.filled(part))
 
 
 def _check_conditions(matrix: Layer, settings: Mapping[str, Mapping[str, Layer]]) -> None:

@@ -1,5 +1,6 @@
 """Families: many scenarios in one file, each under a name of its own."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -317,11 +318,46 @@ def test_bad_settings_of_a_member(mine, text, expected):
     assert f"mine.yaml:{expected}" in refusal(f"mine/{member}")
 
 
+#: What no member could have, in a family of whose members none is loaded.
+UNSEEN = {
+    "matrix: {axes: {auvs.cuont: [1, 2]}}": "auvs.cuont: unknown key; did you mean 'count'?",
+    "matrix: {axes: {a: {b: {}, c: {age.maximm: 9}}}}": (
+        "age.maximm: unknown key; did you mean 'maximum'?"
+    ),
+    "matrix: {axes: {a: {b: {}}}, cases: [{when: {a: b}, set: {agee: {}}}]}": (
+        "agee: unknown key; did you mean 'age'?"
+    ),
+    "matrix: {axes: {a: {b: {}}}, cases: [{when: {nods.count: 3}, set: {}}]}": (
+        "cases: when: nods.count: unknown key; did you mean 'nodes.count'?"
+    ),
+    "{agee: {}, matrix: {axes: {a: {b: {}}}}}": "agee: unknown key; did you mean 'age'?",
+    "{name: 'k{duplx}', matrix: {axes: {duplex: {fdd: {}}}}}": (
+        "name: unknown {duplx} (known: {duplex})"
+    ),
+    "{extends: ['k{duplx}'], matrix: {axes: {duplex: {fdd: {}}}}}": (
+        "extends: unknown {duplx} (known: {duplex})"
+    ),
+    "matrix: {axes: {a: {b: {description: 'of {x}'}}}}": "description: unknown {x} (known: {a})",
+}
+
+
+@pytest.mark.parametrize(("text", "expected"), UNSEEN.items())
+def test_what_no_member_could_have_is_refused_when_the_family_is_read(mine, text, expected):
+    mine(text)
+    with pytest.raises(InputError, match=re.escape(f"mine.yaml:1: {expected}")):
+        member_names("mine")
+
+
+def test_keys_of_kinds_that_only_a_base_names_are_let_pass(mine):
+    axes = "axes: {storage.capacity_j: [5], auvs.motion.kind: [six], duplex.beta_min: [0.1]}"
+    mine(f"extends: paper/k3-tdd\nstorage: {{leakage_w: 0}}\nmatrix: {{{axes}}}")
+    assert member_names("mine") == ["mine/5-six-0.1"]
+
+
 def test_placeholders_of_what_is_extended(mine):
     mine(f"extends: paper/k10-{{dplex}}\nmatrix:\n{AXES}")
-    assert refusal("mine/3-fdd") == (
-        "mine.yaml:1: extends: unknown {dplex} (known: {nodes.count}, {duplex})"
-    )
+    expected = "mine.yaml:1: extends: unknown {dplex} (known: {nodes.count}, {duplex})"
+    assert refusal("mine/3-fdd") == f"no scenario 'mine/3-fdd': {expected}"
 
 
 def test_a_matrix_belongs_in_a_file():
