@@ -17,6 +17,7 @@ from iout_marl.cli_options import (
     expanded,
     give_out,
     take,
+    time_s,
     whole,
 )
 from iout_marl.cli_policies import evaluate_named, keep_inputs, with_layout_of_runs
@@ -49,7 +50,8 @@ def bound_command(
     seconds: Annotated[
         float,
         typer.Option(
-            min=0,
+            metavar="S",
+            parser=time_s,
             help="Time to search for a higher bound. On top come the policies, some seconds each "
             "that plans, and the check of what was found, mostly some seconds too.",
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping
 from decimal import Decimal, InvalidOperation
@@ -29,6 +30,19 @@ def whole(least: int, most: int) -> Callable[[str], int]:
         except ValueError as error:
             raise typer.BadParameter(str(error)) from None
 
+    return number
+
+
+def time_s(text: str) -> float:
+    """Reads a time in seconds: 0.5, 60."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if math.isnan(number):
+        raise typer.BadParameter(f"must be a number, not {short(text)}")
+    if number < 0:
+        raise typer.BadParameter(f"must be at least 0, not {number:g}")
     return number
 
 

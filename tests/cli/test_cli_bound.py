@@ -78,9 +78,9 @@ def test_random_nodes_have_the_bound_that_holds_and_no_other(iout, redraw, when)
     [
         (["paper/k3-fd"], "no scenario 'paper/k3-fd'"),
         (["paper/k3-fdd", "--policy", "gredy"], "--policy gredy: neither a baseline nor"),
-        (["paper/k3-fdd", "--seconds", "-1"], "Invalid value for '--seconds'"),
-        (["paper/k3-fdd", "--seconds", "nan"], "Invalid value for '--seconds'"),
-        (["paper/k3-fdd", "--seconds", "long"], "Invalid value for '--seconds'"),
+        (["paper/k3-fdd", "--seconds", "-1"], "'--seconds': must be at least 0, not -1"),
+        (["paper/k3-fdd", "--seconds", "nan"], "'--seconds': must be a number, not 'nan'"),
+        (["paper/k3-fdd", "--seconds", "long"], "'--seconds': must be a number, not 'long'"),
         (["paper/k3-fdd", "--set", "age.maximum=0"], "age.maximum: must be"),
     ],
 )
