@@ -10,7 +10,7 @@ from iout_marl.errors import InputError
 from iout_marl.scenario.layers import Layer, parse_file, read_contents
 from iout_marl.scenario.naming import family_in, find_scenario, split_member
 from iout_marl.scenario.parts import part_of
-from iout_marl.scenario.places import KeyPath, Places, shorten, show_path
+from iout_marl.scenario.places import KeyPath, Places, shorten, show_file, show_path
 from iout_marl.scenario.plain import plain_mapping
 from iout_marl.scenario.schema import Scenario
 from iout_marl.scenario.sources import without_suffix
@@ -94,7 +94,10 @@ class _Chain:
         if resolved not in self._read:
             file, name = split_member(path)
             contents = read_contents(file)
-            layer, family = parse_file(file, contents), family_in(file, contents)
+            layer = parse_file(file, contents)
+            if layer.data.keys() & {"title", "groups"} and not is_scenario(layer):
+                raise InputError(f"{show_file(file)}: is a study, not a scenario")
+            family = family_in(file, contents)
             member = family.member(name) if family else None
             where = layer.origin(("extends",))
             bases = pop_bases(layer.data, where)
@@ -139,6 +142,12 @@ def _unnamed_kinds(data: Mapping[str, Any]) -> Layer:
             if part and part.default and isinstance(data.get(name), dict)
         }
     )
+
+
+def is_scenario(layer: Layer) -> bool:
+    """Whether a file has keys that only scenarios have."""
+    own = {"extends", "matrix", *Scenario.model_fields} - {"description"}
+    return not own.isdisjoint(layer.data)
 
 
 def pop_bases(data: dict[str, Any], where: str) -> list[str]:

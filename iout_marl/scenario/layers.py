@@ -158,7 +158,7 @@ def parse_file(path: Path, contents: bytes) -> Layer:
     parse = _parsed_once if len(text) <= _MAX_KEPT else read_yaml
     data, places = parse(text, name)
     if data is None:
-        data = {}
+        raise InputError(f"{name}: is empty")
     if not isinstance(data, dict):
         raise InputError(f"{name}:1: must be a mapping of keys to values")
     return Layer(dict(data), Places(name, places.inside))

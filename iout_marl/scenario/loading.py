@@ -20,11 +20,12 @@ from iout_marl.scenario.data_files import PATH_OF, PathOf
 from iout_marl.scenario.drawing import check_families
 from iout_marl.scenario.layers import Layer, Overrides, overrides_layer, parse_file
 from iout_marl.scenario.naming import find_scenario, name_of, split_member
-from iout_marl.scenario.places import Places, show_value
+from iout_marl.scenario.places import Places
 from iout_marl.scenario.presets import names_preset, with_preset
 from iout_marl.scenario.problems import validate
 from iout_marl.scenario.schema import Scenario
 from iout_marl.scenario.training import Training
+from iout_marl.whole import short
 
 #: Whatever is taken for a scenario: a bundled name, a path, a mapping, or a `Scenario`.
 AnyScenario: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | Scenario
@@ -71,7 +72,7 @@ def load_scenario(
         path, _ = split_member(found)
     else:
         raise InputError(
-            f"scenario: must be a name, a path, a mapping or a Scenario, not {show_value(source)}"
+            f"scenario: must be a name, a path, a mapping or a Scenario, not {short(source)}"
         )
     if names_preset(above):
         path = beside or path
@@ -89,7 +90,11 @@ def parse_scenario(path: Path, contents: bytes) -> Scenario:
 
 def _checked(layer: Layer) -> Scenario:
     read = with_over_read(layer)
-    scenario = validate(Scenario, read)
+    scenario = validate(
+        Scenario,
+        read,
+        if_missing="; to begin with a bundled scenario, write extends: paper/k10-fdd, say",
+    )
     if scenario.training.over:
         check_families(scenario, read)
     return scenario

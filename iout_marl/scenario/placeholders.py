@@ -40,8 +40,6 @@ def placeholders(text: str) -> list[str]:
 
 def word_of(value: object) -> str:
     """A scalar as a file would write it: `true`, `null`, `0.5`; whole numbers without a point."""
-    if value is None or isinstance(value, bool):
-        return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
         return str(int(value))
-    return show_value(value) if isinstance(value, int) else str(value)
+    return show_value(value) if value is None or isinstance(value, int) else str(value)

@@ -65,7 +65,9 @@ def show_path(path: KeyPath) -> str:
 
 
 def show_value(value: object) -> str:
-    """A value as Python writes it, or its beginning."""
+    """A value as a file writes it, lists and mappings as Python does; or its beginning."""
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, str):
         return shorten(repr(value[: 2 * MAX_SHOWN]))
     try:

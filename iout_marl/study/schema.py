@@ -12,8 +12,10 @@ from iout_marl.bounds import DEFAULT_SECONDS
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.policies import PlannerPolicy
 from iout_marl.report.registry import report_named
+from iout_marl.scenario.bases import is_scenario
 from iout_marl.scenario.fields import Count, Section, invalid
 from iout_marl.scenario.layers import Layer, read_file
+from iout_marl.scenario.places import show_file
 from iout_marl.scenario.problems import validate
 from iout_marl.scenario.sources import find_study
 from iout_marl.study.fields import Text, Words
@@ -207,5 +209,8 @@ def load_study(source: str | Path) -> tuple[Study, Layer]:
     Raises:
         InputError: one line with file, line, key and what was meant.
     """
-    layer = read_file(find_study(source))
+    file = find_study(source)
+    layer = read_file(file)
+    if "groups" not in layer.data and is_scenario(layer):
+        raise InputError(f"{show_file(file)}: is a scenario, not a study")
     return validate(Study, layer), layer

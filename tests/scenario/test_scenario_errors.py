@@ -44,9 +44,13 @@ FILES = {
     "age:\n  initial: 1\n  initial: 2\n": ':3: broken YAML: found duplicate key "initial"',
     "a: \0": ": broken YAML: ",
     "a: \udcff": ": cannot be read: not UTF-8 text",
-    "": ": grid: is missing (and 9 more)",
-    "# nothing\n": ": grid: is missing (and 9 more)",
-    "null": ": grid: is missing (and 9 more)",
+    "": ": is empty",
+    "# nothing\n": ": is empty",
+    "null": ": is empty",
+    "age: {maximum: 9}": (
+        ": grid: is missing (and 9 more); to begin with a bundled scenario, write extends: paper/k1"
+    ),
+    "title: a\ngroups: {}\n": ": is a study, not a scenario",
     "- a\n- b\n": ":1: must be a mapping of keys to values",
     "5": ":1: must be a mapping of keys to values",
     "just words": ":1: must be a mapping of keys to values",
@@ -112,20 +116,35 @@ LINES = {
         "channel.wind_m_per_s: unknown key of kind 'table': it belongs to kind 'sonar'"
     ),
     "reward: {kind: mean_age, age_weight: 3}": (
-        "reward.age_weight: unknown key of kind 'mean_age': it belongs to kind 'paper'; "
-        "did you mean 'fairness_weight'?"
+        "reward.age_weight: unknown key of kind 'mean_age': it belongs to kind 'paper'"
     ),
     "reward: {fairness_weight: 3}": (
         "reward.fairness_weight: unknown key of kind 'paper': it belongs to kind 'mean_age'"
     ),
     "power_w: 3": "power_w: unknown key; did you mean 'charging.power_w'?",
     "grid: {power_w: 3}": "grid.power_w: unknown key; did you mean 'charging.power_w'?",
+    "channel: {noise: 3}": "channel.noise: unknown key; did you mean 'noise_level_db'?",
+    "auvs: {speed: 3}": "auvs.speed: unknown key; did you mean 'speed_m_per_s'?",
+    "uplink: {bandwith: 3}": "uplink.bandwith: unknown key; did you mean 'bandwidth_hz'?",
+    "current: {kind: file, path: x}": "current.path: unknown key (known: file, kind, ",
+    "current: {kind: gauss_markov, mean_m_per_s: 3}": (
+        "current.mean_m_per_s: unknown key (known: kind, sigma_m_per_s, "
+    ),
+    "channel: {kind: sonar, wind: {kind: gauss_markov, sigma: 3}}": (
+        "channel.wind.sigma: unknown key; did you mean 'sigma_m_per_s'?"
+    ),
+    "uplink: {kind: modem, loss: {kind: table, table: x.csv}}": (
+        "uplink.loss.table: unknown key (known: "
+    ),
+    "reward: {kind: mean_age, wieght: 3}": "reward.wieght: unknown key (known: credit, fairness_w",
+    "noise: 3": "noise: unknown key (known: age, ",
+    "grid: {powr_w: 3}": "grid.powr_w: unknown key (known: cells, origin, ",
     "count: 3": "count: unknown key; did you mean 'nodes.count' or 'auvs.count'?",
     "powr_w: 3": "powr_w: unknown key; did you mean 'charging.power_w'?",
     "age.maximum: 3": "age.maximum: unknown key: in a file it is written age: {maximum: …}",
     "age: {extends: paper/k3-fdd}": "age.extends: unknown key: extends stands at the top of a fil",
     "3: 4": "3 is no key: keys are words",
-    "null: 4": "None is no key: keys are words",
+    "null: 4": "null is no key: keys are words",
     "? [a, b]\n: 4": "a list is no key: keys are words",
     '"a\\nb\\e[31m": 4': "a\\nb\\x1b[31m: unknown key",
     # Kinds.
@@ -134,7 +153,7 @@ LINES = {
     "duplex: {kind: 3}": "duplex.kind: unknown kind '3'; known: fdd, tdd",
     "duplex: {kind: [fdd]}": "duplex.kind: unknown kind",
     "duplex: {kind: null}": "duplex.kind: ",
-    "nodes: null": "nodes: must be a mapping of keys to values, not None",
+    "nodes: null": "nodes: must be a mapping of keys to values, not null",
     "observation: {kind: papr}": "observation.kind: unknown kind 'papr'; did you mean 'paper'?",
     "nodes: {kind: random, count: 3, redraw: never}": "nodes.redraw: unknown value 'never' (known",
     # Types.
@@ -148,7 +167,7 @@ LINES = {
         "age.initial: must be a valid integer, not '2'; write it without quotes: 2"
     ),
     "age: {initial: 1.5}": "age.initial: must be a valid integer, not 1.5",
-    "age: {initial: true}": "age.initial: must be a valid integer, not True",
+    "age: {initial: true}": "age.initial: must be a valid integer, not true",
     "age: {initial: 2020-01-01}": "age.initial: must be a valid integer, not '2020-01-01'",
     "charging: {power_w: 2kW}": (
         "charging.power_w: must be a valid number, not '2kW'; write the number alone: its unit is"
@@ -174,9 +193,9 @@ LINES = {
     "observation: {time: 'true'}": (
         "observation.time: must be a valid boolean, not 'true'; did you mean true?"
     ),
-    "charging: {power_w: }": "charging.power_w: must be a valid number, not None",
+    "charging: {power_w: }": "charging.power_w: must be a valid number, not null",
     "name: 3": 'name: must be a valid string, not 3; write it in quotes: "3"',
-    "name: true": 'name: must be a valid string, not True; write it in quotes: "true"',
+    "name: true": 'name: must be a valid string, not true; write it in quotes: "true"',
     f"name: {'x' * 10_001}": "name: must have at most 10,000 characters, not 10,001",
     "training: {preset: null}": "training.preset: must be a word",
     'name: "\\ud800"': "name: holds half a character",
@@ -348,9 +367,22 @@ def test_items_of_lists_have_lines_of_their_own(tmp_path):
 
 
 def test_file_that_clashes_with_a_base_is_told_of_the_base():
-    assert "paper.yaml:25: nodes.cells[1]: cell [8, 5, 2] lies outside the grid of 4 × 10 × 4" in (
-        message("paper/k3-fdd", {"grid.cells": [4, 10, 4]})
-    )
+    found = message("paper/k3-fdd", {"grid.cells": [4, 10, 4]})
+    expected = "override grid.cells: grid.cells: set nodes.cells beside it: cell [8, 5, 2] lies out"
+    assert found.startswith(expected)
+    assert found.endswith("paper.yaml:25)")
+
+
+def test_a_key_of_ones_own_is_told_what_it_needs_where_only_a_bundled_file_has_it(tmp_path):
+    text = "extends: random/k10-fdd\nobservation: {kind: table}\ntraining: {over: [paper/k3-fdd]}"
+    (tmp_path / "bad.yaml").write_text(text)
+    expected = "bad.yaml:3: training.over: set nodes.redraw beside it: must be episode for training"
+    assert message("bad.yaml").startswith(expected)
+    (tmp_path / "base.yaml").write_text("extends: random/k10-fdd\nnodes: {redraw: run}")
+    (tmp_path / "bad.yaml").write_text(text.replace("random/k10-fdd", "base"))
+    found = message("bad.yaml")
+    assert found.startswith("base.yaml:2: nodes.redraw: must be episode for training.over")
+    assert found.endswith(" (training.over: bad.yaml:3)")
 
 
 def test_circle_of_three(tmp_path):
@@ -462,7 +494,7 @@ def test_folder_closed_to_the_user(monkeypatch):
         ("=3", "--set =3: must be of the form key=value"),
         (".=3", "--set .=3: the key must be dotted words, such as auvs.count"),
         ("age..maximum=3", "--set age..maximum=3: the key must be dotted words"),
-        ("age.maximum=", "--set age.maximum=: age.maximum: must be a valid integer, not None"),
+        ("age.maximum=", "--set age.maximum=: age.maximum: must be a valid integer, not null"),
         ("age.maximum=x", "--set age.maximum=x: age.maximum: must be a valid integer, not 'x'"),
         ("age.maximum=[1", "--set age.maximum=[1: broken YAML: "),
         ("age.maximum=3: 4: 5", "--set age.maximum=3: 4: 5: 3 is no key: keys are words"),

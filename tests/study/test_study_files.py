@@ -249,6 +249,14 @@ STUDIES = ["bay", "fairness", "gap", "multi", "paper", "sea", "sea-deployments",
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("text", ["extends: paper/k3-fdd", "grid: {}", "matrix: {axes: {}}"])
+def test_a_scenario_is_no_study(tmp_path, text):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"description: x\n{text}\n")
+    with pytest.raises(InputError, match=r"^\S*mine\.yaml: is a scenario, not a study$"):
+        load_study(path)
+
+
 @pytest.mark.parametrize("study", STUDIES)
 def test_no_two_cells_of_a_study_are_described_alike(study):
     told = [cell.describe() for cell in cells_of(study)]
