@@ -177,7 +177,7 @@ def beta() -> Figure:
         left.axvline(root, color="0.5", lw=1)
         left.text(root + 0.02, 0.02, f"β* = {root:.2f}", transform=left.get_xaxis_transform())
     _named(left, "Share β of the slot", "Energy in J", f"{distance_m:g} m, empty store")
-    left.legend(fontsize=8, frameon=False, loc="lower right")
+    left.legend(fontsize=8, frameon=False, loc="upper left")
     harvested, cost = budget.harvested_power_w(METRES), budget.power_per_snr_w(METRES)
     right.plot(METRES, physics.beta_star(harvested, cost, *slot), color=GREEN)
     right.set_ylim(0, 1)

@@ -11,23 +11,30 @@ from iout_marl.render.snapshot import Floats, Integers
 
 _NODE_RADIUS = 0.36  # cells, of a node alone in its cell
 _SPREAD = 0.25  # cells, from the centre of a cell to the nodes that share it
+_LAYER_PX = 18  # height of a layer from the side, where there is room
+_OVER_NODE, _OVER_NODES = 0.4, 0.62  # cells, from the centre of a cell to an AUV above its nodes
 _MOST_STRETCH = 3.0  # of the longest edge of a cell to the shortest, as they are drawn
 
 
-def drawn_edges(edges_m: npt.ArrayLike) -> Floats:
+def drawn_edges(edges_m: npt.ArrayLike, most: float = _MOST_STRETCH) -> Floats:
     """The edges of a cell in a picture, as multiples of the shortest.
 
-    They are in proportion up to three to one: the layers of a wide, shallow sea are drawn thicker
+    They are in proportion up to `most` to one: the layers of a wide, shallow sea are drawn thicker
     than they are, or nothing would be seen of them.
     """
     edges = np.asarray(edges_m, dtype=np.float64)
-    drawn: Floats = np.minimum(edges / edges.min(), _MOST_STRETCH)
+    drawn: Floats = np.minimum(edges / edges.min(), most)
     return drawn
 
 
-def stretched_axes(edges_m: npt.ArrayLike, names: str = "xyz") -> str:
+def most_stretch(width_px: float, columns: int) -> float:
+    """How many times as wide as high a cell may be, for layers that are high enough to be read."""
+    return float(np.clip(width_px / (columns * _LAYER_PX), 1.0, _MOST_STRETCH))
+
+
+def stretched_axes(edges_m: npt.ArrayLike, names: str = "xyz", most: float = _MOST_STRETCH) -> str:
     """Which axes are drawn longer than they are, and how many times; empty where none is."""
-    times = drawn_edges(edges_m) / np.asarray(edges_m, dtype=np.float64)
+    times = drawn_edges(edges_m, most) / np.asarray(edges_m, dtype=np.float64)
     times /= times.min()
     pairs = zip(names, times.tolist(), strict=True)
     return ", ".join(f"{name} × {factor:.2g}" for name, factor in pairs if factor > 1.005)
@@ -54,23 +61,30 @@ def place_nodes(cells: Integers, smallest: float) -> tuple[Floats, Floats]:
     return centres, np.maximum(radii, smallest)
 
 
-def place_auvs(cells: Floats, node_cells: Integers, up: float) -> tuple[Floats, Floats]:
+def place_auvs(cells: Floats, node_cells: Integers, up: float, rows: int) -> tuple[Floats, Floats]:
     """Places of the AUVs: above the nodes of their cell, and one above the other.
+
+    Above several nodes there is no room in the uppermost row: there they stand below.
 
     Args:
         cells: (auvs, 2) as seen, of those under way between two.
         node_cells: (nodes, 2) as seen.
         up: the upward direction of the second axis, 1 or −1.
+        rows: cells along that axis.
 
     Returns:
         (auvs, 2) centres in cells, and (auvs,) sizes relative to an AUV alone.
     """
     rank, size = _ranks(cells)
-    beside_node = (cells[:, None, :] == node_cells[None, :, :]).all(-1).any(-1)
-    height = (rank - (size - 1) / 2) * np.minimum(0.36, 0.8 / size) + 0.4 * beside_node
+    nodes = (cells[:, None, :] == node_cells[None, :, :]).all(-1).sum(-1)
+    is_uppermost = cells[:, 1] == (rows if up > 0 else 1)
+    over = np.select(
+        [nodes == 0, nodes == 1, is_uppermost], [0.0, _OVER_NODE, -_OVER_NODES], _OVER_NODES
+    )
+    height = (rank - (size - 1) / 2) * np.minimum(0.36, 0.8 / size) + over
     centres = cells.astype(np.float64)
     centres[:, 1] += up * height
-    return centres, np.where(beside_node | (size > 1), 0.8, 1.0)
+    return centres, np.where((nodes > 0) | (size > 1), 0.8, 1.0)
 
 
 def _ranks(cells: Integers | Floats) -> tuple[Integers, Integers]:

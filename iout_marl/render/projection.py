@@ -14,6 +14,7 @@ from iout_marl.render.labels import auv_name
 from iout_marl.render.layout import (
     drawn_edges,
     freest,
+    most_stretch,
     place_auvs,
     place_nodes,
     round_step,
@@ -83,10 +84,14 @@ class Projection:
         self._view, self._seen = view, [view.across, view.along]
         self._cells = (grid_shape[view.across], grid_shape[view.along])
         self._edges_m = np.array(edges_m)[self._seen]
-        self._edges = drawn_edges(self._edges_m)
+        left, bottom, width_px, height_px = box
+        most = () if view.labelled else (most_stretch(width_px, self._cells[0]),)
+        self._edges = drawn_edges(self._edges_m, *most)
+        names = "xyz"[view.across] + "xyz"[view.along]
+        #: Which axes are drawn longer than they are, and how many times; empty where none is.
+        self.stretched = stretched_axes(self._edges_m, names, *most)
         columns, rows = (np.array(self._cells) * self._edges).tolist()
         self._size = size = (columns, rows)
-        left, bottom, width_px, height_px = box
         self._cell_px = cell_px = min(width_px / size[0], height_px / size[1], _MOST_CELL_PX)
         grid_px = (size[0] * cell_px, size[1] * cell_px)
         ends = (0.5, size[1] + 0.5)
@@ -114,9 +119,7 @@ class Projection:
             lines += [[end[:: 1 - 2 * axis] for end in line] for line in ends]
         panel.name_across("xyz"[self._view.across])
         panel.name_along("xyz"[self._view.along])
-        names = "xyz"[self._view.across] + "xyz"[self._view.along]
-        stretched = stretched_axes(self._edges_m, names)
-        panel.title(", ".join(filter(None, [title, stretched])))
+        panel.title(", ".join(filter(None, [title, self.stretched])))
         water = Rectangle((0.5, 0.5), columns, rows)
         panel.draw_patches([water], facecolor=style.WATER, linewidth=0, zorder=0.5)
         panel.draw_segments(lines, colors=style.HAIRLINE, linewidths=0.8, zorder=1)
@@ -130,7 +133,7 @@ class Projection:
         """
         node_cells, auv_cells = scene.nodes[:, self._seen], scene.auvs[:, self._seen]
         node_at, node_radius = place_nodes(node_cells, smallest=6 / self._cell_px)
-        auv_at, auv_size = place_auvs(auv_cells, node_cells, self._view.up)
+        auv_at, auv_size = place_auvs(auv_cells, node_cells, self._view.up, self._cells[1])
         node_at += _drawn(node_cells, self._edges) - node_cells
         auv_at += _drawn(auv_cells, self._edges) - auv_cells
         # In a wide grid AUVs are larger than a cell.
@@ -150,7 +153,9 @@ class Projection:
         """Where the AUVs came from, whom they charged and heard on their way.
 
         Of a whole episode each place lies a little beside the one before: a cell that an AUV comes
-        through once more, and a way that it takes once more, are seen.
+        through once more, and a way that it takes once more, are seen. What passes between a cell
+        and a node time and again is drawn once, amid the visits, and charging, which is rarer,
+        above packets.
         """
         places = _drawn(scene.path[..., self._seen], self._edges)  # (places, auvs, 2)
         if scene.from_start:
@@ -161,11 +166,20 @@ class Projection:
             list(steps.reshape(-1, 2, 2)), colors=colours.reshape(-1, 4), linewidths=1.6, zorder=1.9
         )
         for what in Passed:
-            links = [link for link in scene.earlier if link.what is what]
-            at = np.array([places[link.place, link.auv] for link in links]).reshape(-1, 2)
-            beams = [(place, node_at[link.node]) for place, link in zip(at, links, strict=True)]
+            visits: dict[tuple[float, ...], list[Floats]] = {}
+            for link in scene.earlier:
+                if link.what is what:
+                    cell = scene.path[link.place, link.auv, self._seen]
+                    visits.setdefault((link.auv, link.node, *cell), []).append(
+                        places[link.place, link.auv]
+                    )
+            at = np.array([np.mean(where, axis=0) for where in visits.values()]).reshape(-1, 2)
+            nodes = [int(node) for _, node, *_ in visits]
+            beams = [(place, node_at[node]) for place, node in zip(at, nodes, strict=True)]
             colour, dashes = style.LINKS[what], style.DASHES[what]
             thin = {"linewidths": 0.6, "alpha": 0.3, "zorder": 1.8}
+            if what is Passed.CHARGE:
+                thin = {"linewidths": 0.8, "alpha": 0.5, "zorder": 1.85}
             self._panel.draw_segments(beams, colors=colour, linestyles=[dashes], **thin)
             if what in style.MARKS:
                 mark = {"marker": style.MARKS[what], "ms": 3.4, "mew": 0, "ls": "none"}

@@ -63,7 +63,8 @@ class Line:
             single point without one has NaN.
         dashed: drawn so.
         joined: False for points alone.
-        colour: which colour of the palette, where lines of several names belong together.
+        colour: which look of the palette, where lines of several names belong together; None for
+            that of its series throughout the report, or of its place among the lines.
         in_legend: False for a line that shares the legend's entry of another.
     """
 

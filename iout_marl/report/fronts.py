@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from iout_marl.report.document import Section, Table
 from iout_marl.report.figure import Axis, Line, Plot
 from iout_marl.report.measures import fixed, metric_heading, metric_mean
-from iout_marl.report.palette import GREY, hue
+from iout_marl.report.palette import GREY
 from iout_marl.report.study_figures import protocol
 from iout_marl.study.results import Record, Results
 
@@ -124,9 +124,8 @@ def _figure(
             tuple(point.jain for point in points if point.series == name),
             tuple(point.mean_aoi for point in points if point.series == name),
             joined=False,
-            colour=hue(number),  # grey is the front's
         )
-        for number, name in enumerate(names)
+        for name in names
     ]
     return Plot(
         key=key,

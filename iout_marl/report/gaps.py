@@ -174,7 +174,7 @@ def _figure(
     results: Results, key: str, bound: str, found: Sequence[Gaps], *, grouped: bool
 ) -> Plot:
     lines = []
-    for colour, name in enumerate(dict.fromkeys(gaps.series for gaps in found)):
+    for name in dict.fromkeys(gaps.series for gaps in found):
         own = [gaps for gaps in found if gaps.series == name]
         spreads = [gaps.above_bound for gaps in own]
         lines.append(
@@ -184,7 +184,6 @@ def _figure(
                 tuple(_at_least_drawn(s.median) for s in spreads),
                 tuple(_at_least_drawn(s.least if s.is_range else math.nan) for s in spreads),
                 tuple(_at_least_drawn(s.largest if s.is_range else math.nan) for s in spreads),
-                colour=colour,
             )
         )
     drawn = [g.above_bound for g in found if math.isfinite(g.above_bound.largest)]
@@ -203,7 +202,8 @@ def _figure(
         y=Axis(
             "Above the bound in %",
             scale="log",
-            limits=(LEAST_DRAWN, 1.5 * largest) if least < LEAST_DRAWN < largest else None,
+            # A little further than anything is drawn: ends of ranges are seen.
+            limits=(LEAST_DRAWN / 1.5, 1.5 * largest) if least < LEAST_DRAWN < largest else None,
         ),
         lines=tuple(lines),
     )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 
 from iout_marl.evaluation import METRICS
 from iout_marl.metrics import DRAWN, TABLED, described
 from iout_marl.render.style import COLOURS
 from iout_marl.report.document import Report, Section, Table
+from iout_marl.report.figure import Plot
 from iout_marl.report.fronts import front_section
 from iout_marl.report.gaps import gap_lead, gap_section
 from iout_marl.report.markup import as_data
@@ -61,11 +63,13 @@ def generic_report(results: Results) -> Report:
         for name in (*DRAWN, *others)
         for number, of_what, names in _families(results.series)
     ]
+    zero = [f.title for f in figures if f.lines and not _has_other_than_zero(f)]
     overview = Section(
         key="overview",
         title="Series over the axis",
+        paragraphs=(f"0 throughout, and so without a figure: {'; '.join(zero)}.",) if zero else (),
         items=(
-            *(figure for figure in figures if figure.lines),
+            *filter(_has_other_than_zero, figures),
             metrics_table(results, "metrics", "All series", results.series, (*TABLED, *others)),
         ),
     )
@@ -81,6 +85,10 @@ def generic_report(results: Results) -> Report:
         facts=facts(results),
         sections=tuple(s for s in sections if s.items),
     )
+
+
+def _has_other_than_zero(figure: Plot) -> bool:
+    return any(y != 0 and not math.isnan(y) for line in figure.lines for y in line.y)
 
 
 def _families(series: list[str]) -> list[tuple[str, str, list[str]]]:

@@ -13,7 +13,6 @@ from rich.cells import cell_len
 from iout_marl.render import style
 from iout_marl.render.hull import hull_path
 from iout_marl.render.labels import auv_name
-from iout_marl.render.layout import stretched_axes
 from iout_marl.render.panel import Panel
 from iout_marl.render.projection import FROM_ABOVE, FROM_THE_SIDE, Projection
 from iout_marl.render.scene import Passed, Scene
@@ -220,15 +219,15 @@ def _draw_trajectory(trajectory: TrajectoryPlot) -> matplotlib.figure.Figure:
     scene = trajectory.scene()
     canvas = Canvas(figsize=(_WIDTH_IN, 4.4), dpi=style.DPI, facecolor="white")
     cells = f", in cells of {spacing_text(trajectory.episode.spacing_m)}"
-    # No room for both: how an axis is stretched stands there, too.
-    downwards = "" if stretched_axes(scene.edges_m) else ", z downwards"
     colours = np.tile(style.rgba(style.NODE), (len(scene.nodes), 1))
     for view, box, title in (
         (FROM_ABOVE, _MAP, f"From above{cells}"),
-        (FROM_THE_SIDE, _PROFILE, f"From the side{downwards}"),
+        (FROM_THE_SIDE, _PROFILE, "From the side"),
     ):
         projection = Projection(canvas, view, scene.grid_shape, box, scene.edges_m)
-        projection.draw_grid(title)
+        # No room for both, where a stretched axis is named beside.
+        is_downwards = view is FROM_THE_SIDE and not projection.stretched
+        projection.draw_grid(title + (", z downwards" if is_downwards else ""))
         projection.draw(scene, colours)
     if scene.num_auvs == 1:
         slots = len(scene.path) - 1

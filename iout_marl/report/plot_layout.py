@@ -61,14 +61,13 @@ class Series:
 def lay_out(plot: Plot) -> list[Series]:
     """The lines of a plot, in their order."""
     smallest = smallest_value(plot)
-    count = len(plot.lines)
-    step = 0.8 / max(count, 1) if plot.x.is_categorical else 0.0
+    step = 0.8 / max(len(plot.lines), 1) if plot.x.is_categorical else 0.0
     position = positions(plot)
+    bars = _bars(plot)
     entries = legend(plot)
     groups = {name: f"{i}" for i, name in enumerate({line.name: 0 for line in plot.lines})}
     laid_out = []
     for i, line in enumerate(plot.lines):
-        aside = (i - (count - 1) / 2) * step
         unknown = (math.nan,) * len(line.y)
         y, low, high = (tuple(map(_drawn, v)) for v in (line.y, line.low, line.high))
         low, high = low or unknown, high or unknown
@@ -83,7 +82,7 @@ def lay_out(plot: Plot) -> list[Series]:
                 look=palette.look(i if line.colour is None else line.colour, dashed=line.dashed),
                 group=groups[line.name],
                 in_legend=i in entries,
-                x=tuple(position(x) + aside for x in line.x),
+                x=tuple(position(x) + _aside(bars[x], i) * step for x in line.x),
                 y=y,
                 low=tuple(a if k else math.nan for a, k in zip(low, known, strict=True)),
                 high=tuple(a if k else math.nan for a, k in zip(high, known, strict=True)),
@@ -92,6 +91,20 @@ def lay_out(plot: Plot) -> list[Series]:
             )
         )
     return laid_out
+
+
+def _bars(plot: Plot) -> dict[float, list[int]]:
+    """Which lines have a bar at each value of x; bars of the others need no room there."""
+    found: dict[float, list[int]] = {x: [] for x in _values(plot)}
+    for i, line in enumerate(plot.lines):
+        for x in {x for x, y in zip(line.x, line.y, strict=True) if not math.isnan(_drawn(y))}:
+            found[x].append(i)
+    return found
+
+
+def _aside(group: list[int], line: int) -> float:
+    """How many bars the middle of a line's bar lies right of that of its group."""
+    return group.index(line) - (len(group) - 1) / 2 if line in group else 0.0
 
 
 def name_lines(text: str) -> list[str]:

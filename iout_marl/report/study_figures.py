@@ -97,7 +97,7 @@ def metric_figure(
         if any(results.measured(name, place, metric) for place in results.places(name))
     ]
     lines = []
-    for colour, name in enumerate(shown):
+    for name in shown:
         places = results.places(name)
         found = [results.measured(name, place, metric) for place in places]
         estimates = [m.estimate if m else Estimate(math.nan, math.nan, math.nan) for m in found]
@@ -109,7 +109,6 @@ def metric_figure(
                 tuple(e.low for e in estimates),
                 tuple(e.high for e in estimates),
                 dashed=results.is_bound(name),
-                colour=colour,
             )
         )
     return Plot(

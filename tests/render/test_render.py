@@ -5,15 +5,28 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from rich.cells import cell_len
 
 from iout_marl.policies import make_baseline
-from iout_marl.render import Snapshot, as_picture, as_text, print_text
+from iout_marl.render import Snapshot, as_picture, as_text, print_text, style
 from iout_marl.render.labels import age_text, auv_name, energy_text, total_energy_text
-from iout_marl.render.layout import axis_top, freest, place_auvs, place_nodes, round_step
+from iout_marl.render.layout import (
+    axis_top,
+    freest,
+    most_stretch,
+    place_auvs,
+    place_nodes,
+    round_step,
+)
+from iout_marl.render.picture import _Bars
 from iout_marl.render.projection import FROM_ABOVE, Projection
 from iout_marl.render.scene import Link, Passed, Scene
 from iout_marl.render.style import FAILED, rgba
@@ -348,10 +361,62 @@ def test_nodes_of_one_cell_stand_beside_one_another_within_it():
 
 def test_auvs_of_one_cell_are_told_apart():
     cells = np.array([[2, 2], [2, 2], [3, 3]])
-    centres, sizes = place_auvs(cells, np.array([[3, 3]]), up=-1)
+    centres, sizes = place_auvs(cells, np.array([[3, 3]]), up=-1, rows=4)
     assert centres[0].tolist() != centres[1].tolist()
     assert centres[2, 1] < 3  # above the node, where the axis runs downwards
     assert (sizes < 1).all()
+
+
+@pytest.mark.parametrize("up", [1, -1])
+@pytest.mark.parametrize("row", [1, 2, 3])
+def test_auv_hides_no_node_of_its_cell(up, row):
+    nodes = np.array([[2, row]] * 3)
+    (auv,), _ = place_auvs(np.array([[2.0, row]]), nodes, up=up, rows=3)
+    centres, radii = place_nodes(nodes, smallest=0.01)
+    half_height = 0.12  # of a hull beside nodes
+    assert (np.abs(auv[1] - centres[:, 1]) > 0.74 * radii + half_height).all()
+    assert 0.5 <= auv[1] <= 3.5 or row == 2
+
+
+def test_layers_of_a_shallow_sea_are_high_enough_to_be_read():
+    assert most_stretch(224, columns=12) == pytest.approx(224 / (12 * 18))
+    assert most_stretch(224, columns=100) == 1  # no higher than wide
+    assert most_stretch(2000, columns=12) == 3
+
+
+def beams(scene, what):
+    """The beams of what passed, as they are drawn from above."""
+    figure = Figure()
+    projection = Projection(figure, FROM_ABOVE, scene.grid_shape, (0, 0, 300, 300))
+    projection.draw(scene, np.ones((len(scene.nodes), 4)))
+    return [
+        lines
+        for lines in figure.findobj(LineCollection)
+        if lines.get_segments()
+        and lines.get_alpha()
+        and np.allclose(lines.get_color()[0, :3], to_rgb(style.LINKS[what]))
+    ]
+
+
+def test_what_passes_time_and_again_is_one_beam_and_charging_lies_above_packets():
+    path = [[[1 + slot % 2, 1, 1]] for slot in range(9)]
+    told = [[1]] * 8, [[2]] * 8, [[True]] * 8
+    scene = Scene.from_episode((4, 4, 4), [(4, 4, 4), (1, 4, 1)], path, *told)
+    (charging,), (packets,) = (beams(scene, what) for what in (Passed.CHARGE, Passed.PACKET))
+    assert len(charging.get_segments()) == len(packets.get_segments()) == 2
+    assert charging.get_zorder() > packets.get_zorder()
+
+
+def test_numbers_of_high_bars_do_not_touch():
+    figure = Figure(dpi=style.DPI, figsize=(9.6, 6))
+    bars = _Bars(figure, style.ENERGIES, 10, 800.0)
+    bars.draw(np.full(10, 1320.0), style.ENERGY, ["1320"] * 10)
+    bars.panel.title("Stored energy")
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    *numbers, title = (text.get_window_extent(renderer) for text in figure.texts)
+    assert len(numbers) == 10
+    assert all(right.x0 - left.x1 > 2 for left, right in pairwise(numbers))
+    assert title.y0 - numbers[0].y1 > 2
 
 
 def test_label_stands_where_it_hides_least():

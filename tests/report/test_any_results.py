@@ -133,3 +133,17 @@ def test_what_was_played_without_chance_is_told_without_an_interval():
     assert [row[2] for row in table.rows] == ["4.00", "5.00"]
     assert "once: 1 run, 1 episode; a single episode, without an interval." in table.caption
     assert "alike: 1 run, 3 episodes; all alike, without an interval." in table.caption
+
+
+def test_what_is_0_throughout_has_no_figure():
+    cells = [
+        ("g", name, place, record("greedy", place, 0, {"harvested_kj": 0.0, "jain": jain}))
+        for name, jain in (("one", 0.0), ("other", 0.5))
+        for place in (3, 5)
+    ]
+    made = build_report(results(cells, report="plain"))
+    keys = {figure.key for figure in made.figures()}
+    assert {"mean_aoi", "jain"} <= keys
+    assert "harvested_kj" not in keys
+    told = [section.paragraphs for section in made.sections if section.key == "overview"]
+    assert told == [("0 throughout, and so without a figure: Energy harvested.",)]

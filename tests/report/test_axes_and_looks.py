@@ -12,6 +12,7 @@ from fake_results import record, results
 from report_sample import BARS, LOG, LOG_BARS, NODES, TRAINING
 
 from iout_marl.render import style
+from iout_marl.report.build import _looks, build_report
 from iout_marl.report.figure import Axis, Line
 from iout_marl.report.matplotlib_writer import draw
 from iout_marl.report.plot_layout import lay_out, ticks, y_limits
@@ -25,6 +26,20 @@ def test_categories_are_equally_spaced_whatever_their_values():
     for one in lay_out(BARS):
         assert np.diff(one.x) == pytest.approx(1)
         assert abs(one.x[0]) < 0.4
+
+
+def test_bars_stand_around_their_tick_whichever_are_there():
+    lines = (
+        Line("everywhere", (3, 5, 10), (1.0, 2.0, 3.0)),
+        Line("last", (10,), (4.0,)),
+        Line("unknown at 5", (3, 5), (1.0, math.nan)),
+    )
+    laid_out = lay_out(replace(BARS, lines=lines))
+    at = [one.x for one in laid_out]
+    assert at[0][1] == pytest.approx(1)
+    assert at[0][0] + at[2][0] == pytest.approx(2 * 0)
+    assert at[0][2] + at[1][0] == pytest.approx(2 * 2)
+    assert at[0][2] + laid_out[0].width < at[1][0] + 1e-9 + 0.1 * laid_out[0].width
 
 
 def over(places, *, grouped=False):
@@ -110,6 +125,26 @@ def test_bars_on_a_logarithmic_axis_stand_on_a_power_of_ten():
 
 
 # ---- colours
+
+
+def test_a_policy_has_one_colour_throughout_a_report():
+    names = [f"{policy}, {rest}" for rest in ("TDD", "FDD") for policy in ("a", "b", "c", "d")]
+    names += ["d, alone", "c, alone", "e (TDD)"]
+    one = record("greedy", 3, 0, {"mean_aoi": [3.0, 4.0]})
+    made = results([("g", name, 3, one) for name in names], report="plain")
+    plots = [f for f in build_report(made).figures() if f.key.startswith("mean_aoi")]
+    looks = {line.name: line.colour for plot in plots for line in plot.lines}
+    assert len(plots) == 4
+    assert [looks[name] for name in names] == [0, 1, 2, 3, 0, 1, 2, 3, 3, 2, 4]
+
+
+def test_series_of_one_policy_in_one_figure_are_told_apart():
+    assert _looks([["a", "a (long)", "b"], ["a (FDD)", "b"]]) == {
+        "a": 0,
+        "a (long)": 1,
+        "b": 2,
+        "a (FDD)": 0,
+    }
 
 
 def luminance(colour):

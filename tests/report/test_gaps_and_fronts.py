@@ -79,6 +79,7 @@ def test_table_and_figure_of_gaps(made):
     assert planner.y == pytest.approx((25, 5))
     assert math.isnan(planner.low[0])
     assert planner.low[1] == pytest.approx(0.1)  # 0 % has no place on the axis
+    assert figure.y.limits[0] < 0.1  # where the whisker ends is seen
 
 
 def test_report_begins_with_how_near_the_trained_come_and_takes_no_bound_for_a_policy(made):

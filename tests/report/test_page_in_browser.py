@@ -81,6 +81,16 @@ def test_points_without_an_interval_have_no_error_bar(page):
         assert sum(len(bar.get_attribute("d") or "") > 0 for bar in bars.all()) == known
 
 
+def test_plots_follow_the_width_of_their_place(page):
+    page.evaluate("document.querySelector('main').style.width = '320px'")
+    wait_until(
+        page,
+        "() => [...document.querySelectorAll('.js-plotly-plot .main-svg')].every("
+        "(plot) => plot.getBoundingClientRect().width <= 320)",
+    )
+    page.evaluate("document.querySelector('main').style.width = ''")
+
+
 def test_trajectory_is_drawn_in_three_dimensions(page):
     figure = page.locator(f"#plot-{TRAJECTORY.key}")
     figure.scroll_into_view_if_needed()

@@ -6,7 +6,6 @@
   // ---- Plots
 
   const settings = {
-    responsive: true,
     displaylogo: false,
     scrollZoom: false, // the wheel scrolls the page
     showSendToCloud: false,
@@ -64,6 +63,17 @@
     for (const i of inkedTraces(data)) data[i].error_y.color = update["font.color"];
   }
 
+  /** A plot is as wide as its place, whatever changes that: a window, a scroll bar, a font. */
+  const places = new ResizeObserver((entries) => {
+    for (const { target: plot } of entries) {
+      const { width, height } = plot._fullLayout;
+      const isShown = plot.clientWidth > 0; // it is not where its picture stands for it
+      if (isShown && (plot.clientWidth !== width || plot.clientHeight !== height)) {
+        Plotly.Plots.resize(plot);
+      }
+    }
+  });
+
   async function drawPlot(source) {
     const plot = document.getElementById(source.dataset.of);
     try {
@@ -78,6 +88,7 @@
       }
       addTheme(data, layout);
       await Plotly.newPlot(plot, data, layout, settings);
+      places.observe(plot);
     } catch (error) {
       plot.closest("figure").classList.add("undrawn"); // its picture stands there instead
       console.error(error);
