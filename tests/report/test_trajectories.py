@@ -70,7 +70,7 @@ def test_a_space_of_flat_cells_has_its_proportions_but_keeps_some_depth():
     assert ratio == {"x": 1, "y": pytest.approx(0.5), "z": 0.4}
     titles = [text.get_text() for text in matplotlib_writer._draw_trajectory(flat).texts]
     assert "From above, in cells of 100 × 60 × 10 m" in titles
-    assert "From the side, z × 3.3" in titles
+    assert "From the side, z × 4.8" in titles
 
 
 def test_rows_have_every_slot_of_every_auv():
