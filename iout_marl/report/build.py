@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections import defaultdict
 from collections.abc import Iterable
@@ -10,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from iout_marl.render.style import COLOURS
 from iout_marl.report.document import Report
 from iout_marl.report.figure import Plot
 from iout_marl.report.intake import take_in
@@ -75,12 +75,20 @@ def _looks(figures: Iterable[list[str]]) -> dict[str, int]:
             beside[name].update(names)
     looks: dict[str, int] = {}
     of_policy: dict[str, int] = {}
-    unused = itertools.count()
     for name, others in beside.items():
         policy = _AFTER_POLICY.split(name)[0]
-        if of_policy.get(policy) in (None, *(looks.get(other) for other in others)):
-            looks[name] = next(unused)
+        taken = {looks[other] for other in others if other in looks}
+        if of_policy.get(policy) in (None, *taken):
+            looks[name] = _unused(set(looks.values()), taken)
             of_policy.setdefault(policy, looks[name])
         else:
             looks[name] = of_policy[policy]
     return looks
+
+
+def _unused(used: set[int], beside: set[int]) -> int:
+    """The first look that is not used, if it can be of another colour than those beside it."""
+    count = len(COLOURS)
+    unused = [look for look in range(len(used) + count) if look not in used]
+    colours = {look % count for look in beside}
+    return next((look for look in unused if look % count not in colours), unused[0])

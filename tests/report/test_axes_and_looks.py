@@ -147,6 +147,12 @@ def test_series_of_one_policy_in_one_figure_are_told_apart():
     }
 
 
+def test_series_of_one_figure_have_other_colours_where_these_suffice():
+    many = list("abcdefgh")
+    looks = _looks([many, ["a", "later"]])
+    assert looks == {**{name: i for i, name in enumerate(many)}, "later": 9}
+
+
 def luminance(colour):
     parts = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
     red, green, blue = (p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts)
