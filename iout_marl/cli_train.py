@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 import shlex
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,7 +23,9 @@ from iout_marl.cli_options import (
 from iout_marl.cli_tables import SIDE_BY_SIDE, say_outlook, show_columns, show_spread
 from iout_marl.errors import InputError
 from iout_marl.outside import import_words
-from iout_marl.scenario import load_scenario
+from iout_marl.scenario import Scenario, load_scenario
+from iout_marl.scenario.keys import all_keys
+from iout_marl.scenario.loading import where_written
 from iout_marl.terminal import (
     imports_uninterrupted,
     present,
@@ -120,7 +123,10 @@ def train(
     name = re.sub(r"[^\w.-]+", "-", loaded.name)
     seeds = f"s{seed}" if replicas == 1 else f"s{seed}-{seed + replicas - 1}"
     folder = resume or out or Path("runs") / f"{name}-{seeds}"
-    with trainers.started_group(trainers.find_device(device)) as (group, own_device):
+    with (
+        _with_place(scenario, settings),
+        trainers.started_group(trainers.find_device(device)) as (group, own_device),
+    ):
         outcome = trainers.train(
             # Its preset gives way to that of fine-tuning where the file itself says nothing.
             loaded if start is None else scenario,
@@ -139,6 +145,18 @@ def train(
         _report(outcome, folder, scenario, settings, start=start, graphs=graphs)
     if outcome.signal is not None:
         raise typer.Exit(128 + outcome.signal)
+
+
+@contextmanager
+def _with_place(scenario: str, settings: list[str]) -> Iterator[None]:
+    """Say of settings that the training alone can check where they are written."""
+    try:
+        yield
+    except InputError as error:
+        key = re.match(r"training\.\w+", str(error))
+        if key is None or key[0] not in all_keys(Scenario):
+            raise
+        raise InputError(f"{where_written(scenario, settings, key[0])}: {error}") from None
 
 
 def _report(

@@ -58,10 +58,29 @@ def load_scenario(
     Raises:
         InputError: one line with file, line, key and what was meant.
     """
-    path, above = None, overrides_layer(overrides)
+    above = overrides_layer(overrides)
+    if isinstance(source, Scenario) and not above.data:
+        return source
+    return _checked(_whole(source, above, beside))
+
+
+def where_written(source: AnyScenario, overrides: Overrides, key: str) -> str:
+    """Where a dotted key of a scenario was written: file and line, or the override.
+
+    Args:
+        source, overrides: as `load_scenario` has taken them.
+        key: the key.
+
+    Raises:
+        InputError: the scenario cannot be read any more.
+    """
+    return _whole(source, overrides_layer(overrides), None).origin(tuple(key.split(".")))
+
+
+def _whole(source: AnyScenario, above: Layer, beside: Path | None) -> Layer:
+    """The overrides over a scenario over all that it extends and its preset."""
+    path = None
     if isinstance(source, Scenario):
-        if not above.data:
-            return source
         layer = Layer(source.model_dump(), Places(source.name))
     elif isinstance(source, Mapping):
         layer = mapping_layer(source)
@@ -76,7 +95,7 @@ def load_scenario(
         )
     if names_preset(above):
         path = beside or path
-    return _checked(with_preset(above.over(layer), path))
+    return with_preset(above.over(layer), path)
 
 
 def parse_scenario(path: Path, contents: bytes) -> Scenario:

@@ -198,8 +198,9 @@ def _without_tags(location: tuple[str | int, ...], data: Any) -> KeyPath:
         if isinstance(data, dict) and data.get("kind") == key and not kind_is_over:
             kind_is_over = True
             continue
-        # A part named by its kind alone.
-        if isinstance(data, str) and data == key:
+        # A part named by a word alone: what follows is its kind.
+        if isinstance(data, str):
+            data = None
             continue
         if isinstance(key, str) and key.startswith("("):
             continue

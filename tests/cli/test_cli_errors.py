@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import torch
@@ -163,6 +164,21 @@ class TestRuns:
     def test_name_that_is_too_long(self, refused):
         line = refused("train", *self.scenario, "--set", f"name={'x' * 300}")
         assert line.endswith("cannot be made: File name too long")
+
+    @pytest.mark.parametrize(
+        ("key", "value", "expected"),
+        [
+            ("imitate", "gredy", "gredy: neither a baseline nor the folder of a run; did you mean"),
+            ("optimizer", "Zzz", ": torch.optim has no optimizer 'Zzz' (known: "),
+        ],
+    )
+    def test_what_the_training_alone_can_check(self, refused, key, value, expected):
+        Path("mine.yaml").write_text(f"extends: best/k3-fdd\ntraining:\n  {key}: {value}\n")
+        line = refused("train", "mine.yaml", *self.scenario[1:])
+        assert line.startswith(f"iout: mine.yaml:3: training.{key}")
+        assert expected in line
+        line = refused("train", *self.scenario, "--set", f"training.{key}={value}")
+        assert line.startswith(f"iout: --set training.{key}={value}: training.{key}")
 
     @pytest.mark.parametrize("name", ["missing", "", "x" * 5000])
     def test_nothing_to_resume(self, refused, name):

@@ -7,6 +7,7 @@ from torch import nn
 from iout_marl import InputError, load_scenario
 from trainers import Trainer, train
 from trainers.optimizers import Adam, TorchOptimizer, clip_gradient, make_optimizer
+from trainers.parts.torch_optimizer import _classes
 
 SHAPES = [(4, 3), (4,), (1, 4), (1,)]
 EPSILON = 1e-5
@@ -119,17 +120,37 @@ def structure(value):
     return (value.shape, value.dtype) if isinstance(value, torch.Tensor) else type(value)
 
 
+def test_a_typo_is_told_when_the_file_is_read(tmp_path):
+    (tmp_path / "mine.yaml").write_text("extends: paper/k3-fdd\ntraining:\n  optimizer: Admaw\n")
+    told = r"mine\.yaml:3: training\.optimizer\.name: torch\.optim has no optimizer 'Admaw'; did "
+    with pytest.raises(InputError, match=told):
+        load_scenario(tmp_path / "mine.yaml")
+
+
+def test_the_classes_of_torch_are_known_without_importing_it():
+    optimizers = [item for item in vars(torch.optim).values() if isinstance(item, type)]
+    found = {item.__name__ for item in optimizers if issubclass(item, torch.optim.Optimizer)}
+    assert set(_classes()) == found - {"Optimizer"}
+
+
 @pytest.mark.parametrize(
     ("optimizer", "fault"),
     [
-        ("Admaw", "torch.optim has no optimizer 'Admaw'; did you mean 'Ada"),
+        ("Zzz", "torch.optim has no optimizer 'Zzz' (known: ASGD, Adadelta, "),
         ("Optimizer", "torch.optim has no optimizer 'Optimizer'"),
         ({"kind": "torch", "name": "SGD", "options": {"momentun": 0.9}}, "momentun"),
         ({"kind": "torch", "name": "SGD", "options": {"momentum": -1}}, "Invalid momentum"),
         ("LBFGS", "evaluates the loss again and again"),
         ("SparseAdam", "does not support dense gradients"),
     ],
-    ids=["a typo", "the base class", "unknown option", "an option's value", "closures", "sparse"],
+    ids=[
+        "another word",
+        "the base class",
+        "unknown option",
+        "an option's value",
+        "closures",
+        "sparse",
+    ],
 )
 def test_what_cannot_be_used_is_refused_before_anything_is_written(
     tiny, tmp_path, optimizer, fault

@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from iout_marl import parts
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.scenario import Training
-from iout_marl.scenario.fields import Text
+from iout_marl.scenario.fields import Text, invalid
+from iout_marl.scenario.places import MAX_SHOWN, show_value
+
+
+@cache
+def _classes() -> tuple[str, ...]:
+    """The classes of `torch.optim`, as its source has them: to import it takes seconds."""
+    spec = find_spec("torch")
+    if spec is None or spec.origin is None:
+        return ()
+    try:
+        text = Path(spec.origin).with_name("optim").joinpath("__init__.py").read_text("utf-8")
+    except OSError:
+        return ()
+    return tuple(re.findall(r"^from \S+ import ([A-Z]\w*)\b(?<!\bOptimizer)", text, re.MULTILINE))
 
 
 @parts.optimizers.register("torch")
@@ -27,6 +45,16 @@ class TorchOptimizer(parts.Optimizer):
         name: Text
         #: What it takes beside parameters and learning rate: `weight_decay: 0.01`, say.
         options: dict[str, Any] = Field(default_factory=dict)
+
+        @field_validator("name")
+        @classmethod
+        def _is_no_slip(cls, name: str) -> str:
+            # A name like no other may be one of another version's, in the scenario of a run.
+            known = _classes()
+            near = did_you_mean(name[:MAX_SHOWN], known, or_list=False)
+            if near and name not in known:
+                raise invalid((), f"torch.optim has no optimizer {show_value(name)}{near}")
+            return name
 
     @property
     def name(self) -> str:
