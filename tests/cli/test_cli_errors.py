@@ -175,10 +175,10 @@ class TestRuns:
     def test_what_the_training_alone_can_check(self, refused, key, value, expected):
         Path("mine.yaml").write_text(f"extends: best/k3-fdd\ntraining:\n  {key}: {value}\n")
         line = refused("train", "mine.yaml", *self.scenario[1:])
-        assert line.startswith(f"iout: mine.yaml:3: training.{key}")
+        assert line.startswith(f"mine.yaml:3: training.{key}")
         assert expected in line
         line = refused("train", *self.scenario, "--set", f"training.{key}={value}")
-        assert line.startswith(f"iout: --set training.{key}={value}: training.{key}")
+        assert line.startswith(f"--set training.{key}={value}: training.{key}")
 
     @pytest.mark.parametrize("name", ["missing", "", "x" * 5000])
     def test_nothing_to_resume(self, refused, name):
