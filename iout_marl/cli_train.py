@@ -102,7 +102,8 @@ def train(
     settings = list(overrides or [])
     if steps is not None:
         settings.append(f"training.steps={steps}")
-    loaded = load_scenario(scenario, settings)
+    if start is None:
+        loaded = load_scenario(scenario, settings)
     if resume is not None and out is not None and out != resume:
         raise InputError("--out and --resume name different folders; --resume continues in its own")
     if resume is not None and seed is not None:
@@ -117,7 +118,10 @@ def train(
         import torch
 
         import trainers
+        from trainers.starting import started_from
 
+    if start is not None:
+        loaded, _ = started_from(start, scenario, settings)
     # More threads than one gain little on networks of this size, and cost much on busy cores.
     torch.set_num_threads(threads or 1)
     name = re.sub(r"[^\w.-]+", "-", loaded.name)

@@ -70,12 +70,13 @@ class BaseTrainer(ABC):
         network: str | dict[str, Any] | None = None,
         start: str | None = None,
     ) -> None:
-        self.source = load_for_training(scenario, overrides, network)
         weights = None
-        if start is not None:
+        if start is None:
+            self.source = load_for_training(scenario, overrides, network)
+        else:
             from trainers.starting import started_from  # reads runs, which are of trainers
 
-            self.source, weights = started_from(start, self.source)
+            self.source, weights = started_from(start, scenario, overrides, network)
         self.settings: Training = self.source.training
         # Graphs are of one size.
         self.runtime = Runtime(device, group, use_graphs=use_graphs and not self.settings.over)

@@ -137,11 +137,11 @@ def train(
             the group was lost; there is too little memory; or the work could not be recorded as
             CUDA graphs.
     """
-    started = time.perf_counter()
+    started, given = time.perf_counter(), scenario
     if start is None:
         scenario = load_for_training(scenario, overrides, network)
     else:
-        scenario, _ = started_from(start, scenario, overrides)
+        scenario, _ = started_from(start, scenario, overrides, network)
     _check_callbacks(callbacks)
     out = user_path(out, "out")
     console, group = console or progress_console(), group or ProcessGroup()
@@ -160,8 +160,14 @@ def train(
             else:
                 runs = new_runs(out, seed, replicas)
                 refuse_to_begin(out, runs, group)
+                # Weights come along with what is said anew: see `started_from`.
+                changes: dict[str, Any] = {}
+                if start is not None:
+                    changes = {"overrides": overrides, "network": network, "start": start}
                 trainer = Trainer(
-                    *(scenario, seed, device, replicas, group), use_graphs=use_graphs, start=start
+                    *(given if start else scenario, seed, device, replicas, group),
+                    use_graphs=use_graphs,
+                    **changes,
                 )
                 trainer.check_imitation()
                 make_new(out, runs, trainer.scenarios, group, held)

@@ -79,23 +79,30 @@ def where_written(source: AnyScenario, overrides: Overrides, key: str) -> str:
 
 def _whole(source: AnyScenario, above: Layer, beside: Path | None) -> Layer:
     """The overrides over a scenario over all that it extends and its preset."""
-    path = None
-    if isinstance(source, Scenario):
-        layer = Layer(source.model_dump(), Places(source.name))
-    elif isinstance(source, Mapping):
-        layer = mapping_layer(source)
-    elif isinstance(source, str | bytes | os.PathLike):
-        found = find_scenario(os.fsdecode(source))
-        layer = read_with_bases(found)
-        layer.data.setdefault("name", name_of(found))
-        path, _ = split_member(found)
-    else:
-        raise InputError(
-            f"scenario: must be a name, a path, a mapping or a Scenario, not {short(source)}"
-        )
+    layer, path = scenario_layer(source)
     if names_preset(above):
         path = beside or path
     return with_preset(above.over(layer), path)
+
+
+def scenario_layer(source: AnyScenario) -> tuple[Layer, Path | None]:
+    """What a scenario says itself, without its training preset; and the path of its file.
+
+    Raises:
+        InputError: as by `load_scenario`.
+    """
+    if isinstance(source, Scenario):
+        return Layer(source.model_dump(), Places(source.name)), None
+    if isinstance(source, Mapping):
+        return mapping_layer(source), None
+    if isinstance(source, str | bytes | os.PathLike):
+        found = find_scenario(os.fsdecode(source))
+        layer = read_with_bases(found)
+        layer.data.setdefault("name", name_of(found))
+        return layer, split_member(found)[0]
+    raise InputError(
+        f"scenario: must be a name, a path, a mapping or a Scenario, not {short(source)}"
+    )
 
 
 def parse_scenario(path: Path, contents: bytes) -> Scenario:

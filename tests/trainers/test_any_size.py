@@ -121,6 +121,40 @@ class TestStart:
         with pytest.raises(InputError, match=message):
             Trainer(scenario, start=start or str(run))
 
+    @pytest.mark.parametrize(
+        ("said", "message"),
+        [
+            ({"training.network": "mlp"}, r"training\.network is set, not mlp$"),
+            ({"training.network.width": 16}, r"training\.network\.width is 8, not 16$"),
+            (
+                {"observation.kind": "table", "observation.entries": ["time"]},
+                r"observation\.entries",
+            ),
+        ],
+    )
+    def test_other_networks_are_refused(self, run, said, message):
+        with pytest.raises(InputError, match=f"^--from {run}: its .*{message}"):
+            Trainer("paper/k5-fdd", start=str(run), overrides=said)
+
+    def test_other_networks_are_refused_wherever_they_are_said(self, run, tmp_path):
+        message = r"its training\.network is set, not mlp$"
+        with pytest.raises(InputError, match=message):
+            Trainer("paper/k5-fdd", start=str(run), network="mlp")
+        (tmp_path / "own.yaml").write_text("extends: paper/k5-fdd\ntraining: {network: mlp}\n")
+        with pytest.raises(InputError, match=message):
+            Trainer(tmp_path / "own.yaml", start=str(run))
+        with pytest.raises(InputError, match=r"width is 8, not 16$"):
+            Trainer(
+                load_scenario("paper/k5-fdd", SETTINGS | {"training.network.width": 16}),
+                start=str(run),
+            )
+
+    def test_what_the_scenario_says_itself_holds(self, run):
+        changes = {"training.mask_actions": False, "training.network": {"width": 8}}
+        trainer = Trainer("paper/k5-fdd", start=str(run), overrides=changes)
+        assert not trainer.settings.mask_actions
+        assert Trainer(load_scenario("paper/k5-fdd"), start=str(run)).settings.mask_actions
+
     def test_networks_of_one_size_cannot(self, tmp_path):
         few = {k: v for k, v in SETTINGS.items() if k.startswith("training") and "net" not in k}
         train("paper/k3-fdd", tmp_path / "run", overrides=few, evaluation_episodes=1)
