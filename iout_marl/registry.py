@@ -53,7 +53,7 @@ class Entry(Generic[Item]):
     @property
     def is_outside(self) -> bool:
         """Whether somebody else has brought it."""
-        return self.version is not None or self.module.partition(".")[0] not in _OWN
+        return self.version is not None or not _is_own(self.module)
 
     def fault(self, message: str) -> InputError:
         """An error that says which entry is at fault."""
@@ -89,8 +89,32 @@ def blamed(name: str, item: Any) -> Iterator[None]:
     except (InputError, MemoryError):
         raise
     except Exception as error:
+        lacking = _lacking(item, error)
+        if lacking:
+            raise InputError(f"{name}: must have {lacking}") from error
         where = _place_in(item, error)
         raise InputError(f"{name}: raises {type(error).__name__}: {error}{where}") from error
+
+
+def _lacking(item: Any, error: Exception) -> str:
+    """What a base class leaves to be written, where the error is that it is not there."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    asked_by = frame.f_globals.get("__name__", "")
+    if not inspect.isclass(item) or not _is_own(asked_by):
+        return ""
+    if isinstance(error, NotImplementedError):
+        name = frame.f_code.co_name
+        return name if not str(error) and hasattr(item, name) else ""
+    if not isinstance(error, AttributeError) or not isinstance(error.obj, item):
+        return ""
+    # But what the class of all parts declares is made by its methods.
+    bases = [base for base in item.__mro__[1:] if _is_own(base.__module__)][:-1]
+    return next((n for base in bases for n in base.__annotations__ if n == error.name), "")
+
+
+def _is_own(module: str) -> bool:
+    """Whether a module is part of this package."""
+    return module.partition(".")[0] in _OWN
 
 
 def _place_in(item: Any, error: BaseException) -> str:
@@ -121,6 +145,13 @@ class Registry(Generic[Item]):
         self.base = base
         self.in_scenarios = in_scenarios
         self._entries: dict[str, Entry[Item]] = {}
+        #: What `base` leaves to be written by all that extend it.
+        self.required = [
+            name
+            for of in (base.__mro__ if base is not None else ())
+            for name, member in vars(of).items()
+            if getattr(member, "__isabstractmethod__", False)
+        ]
         _REGISTRIES[role] = self
 
     def register(
@@ -135,7 +166,7 @@ class Registry(Generic[Item]):
 
         Raises:
             InputError: the kind is no word or taken, there is no version, or what is
-                decorated is of another role.
+                decorated is of another role or lacks what its base class leaves to be written.
         """
 
         def take(item: Registered) -> Registered:
@@ -192,7 +223,7 @@ class Registry(Generic[Item]):
                 f"{self.role} {kind!r}: {item.__module__}.{name} has the name of "
                 f"{other.module}.{other.item.__qualname__}: two parts of one kind"
             )
-        is_own = item.__module__.partition(".")[0] in _OWN
+        is_own = _is_own(item.__module__)
         if version is None and not is_own and self.in_scenarios:
             raise InputError(
                 f'{self.role} {kind!r}: {name} must state a version: register("{kind}", version=1)'
@@ -204,6 +235,13 @@ class Registry(Generic[Item]):
                 f"{self.role} {kind!r}: version must be a whole number or a text, "
                 f"not {short(version)}"
             )
+        lacking = [
+            each
+            for each in self.required
+            if getattr(getattr(item, each), "__isabstractmethod__", False)
+        ]
+        if lacking:
+            raise InputError(f"{self.role} {kind!r}: must have {', '.join(lacking)}")
 
     def _changed(self) -> None:
         for act in on_change if self.in_scenarios else ():

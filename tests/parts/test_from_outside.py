@@ -12,7 +12,16 @@ import forked
 import pytest
 from tiny_study import TINY, write_study
 
-from iout_marl import InputError, Trainer, World, load_policy, load_scenario, outside, parts
+from iout_marl import (
+    InputError,
+    Trainer,
+    World,
+    evaluate,
+    load_policy,
+    load_scenario,
+    outside,
+    parts,
+)
 from iout_marl.scenario import to_yaml
 from iout_marl.study.pools import LocalProcesses
 
@@ -283,3 +292,34 @@ def test_settings_of_any_type_can_be_trained_with(tiny, annotation, value):
     assert hash(scenario) == hash(load_scenario(scenario.model_dump()))
     assert scenario == load_scenario(scenario.model_dump())
     Trainer(scenario).iterate()
+
+
+@pytest.mark.parametrize(
+    ("registry", "lacking"),
+    [
+        (parts.rewards, "__call__"),
+        (parts.duplexes, "charging_frequency_khz, uplink_frequency_khz, split, sends"),
+        (parts.placements, "num_nodes, draw"),
+        (parts.networks, "make_actor, make_critic"),
+    ],
+    ids=lambda each: getattr(each, "role", None),
+)
+def test_parts_that_lack_what_all_must_have_are_not_registered(registry, lacking):
+    bare = type("Bare", (registry.base,), {})
+    with pytest.raises(InputError, match=f"^{registry.role} 'bare': must have {lacking}$"):
+        registry.register("bare", version=1)(bare)
+
+
+@pytest.mark.parametrize(
+    ("registry", "members", "place", "lacking"),
+    [
+        (parts.fadings, {"is_active": True, "most_db": 1.0}, "channel.fading", "gain_db"),
+        (parts.currents, {}, "current", "frames"),
+        (parts.motions, {}, "auvs.motion", "steps"),
+    ],
+    ids=lambda each: getattr(each, "role", None),
+)
+def test_parts_that_lack_what_is_asked_of_them_alone(registry, members, place, lacking):
+    registry.register("bare", version=1)(type("Bare", (registry.base,), members))
+    with pytest.raises(InputError, match=f"{registry.role} 'bare': must have {lacking}$"):
+        evaluate("sea/bay", "random-walk", 1, overrides={place: "bare"})

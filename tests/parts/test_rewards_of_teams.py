@@ -19,7 +19,7 @@ def _shared(forgotten_parts):
             return {"worst": -self.settings.weight * worst, "more": 0 * worst}
 
     @parts.rewards.register("picky", version=1)
-    class Picky(parts.Reward):
+    class Picky(Shared):
         def check(self, scenario):
             if scenario.num_auvs > 2:
                 raise InputError("is for two AUVs at most")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 import numpy as np
 
 from iout_marl.parts.base import Part
@@ -14,9 +16,9 @@ from iout_marl.whole import is_number, short
 class Absorption(Part):
     """A formula for the absorption of sound in sea water."""
 
+    @abstractmethod
     def db_per_km(self, frequency_khz: ArrayLike) -> Array:
         """α(f) in dB/km, in the shape of the frequencies."""
-        raise NotImplementedError
 
     def check_stated(self, scenario: Scenario) -> None:
         khz = scenario.duplex.part.uplink_frequency_khz

@@ -7,6 +7,7 @@ not matter.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -84,9 +85,9 @@ class Access(Part):
         self._num_auvs = world.scenario.num_auvs
         self._index = world.backend.integers(list(range(self._num_auvs)))
 
+    @abstractmethod
     def __call__(self, request: Request, split: Split) -> Uplinks:
         """The uplinks of a slot."""
-        raise NotImplementedError
 
     def why_lost(self, request: Request, split: Split) -> Mapping[Reason, Array]:  # noqa: ARG002
         """Why packets that are sent do not arrive, (envs, auvs) bool each; the first that holds

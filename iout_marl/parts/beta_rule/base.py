@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
@@ -55,9 +56,9 @@ class BetaRule(Part):
             self._bounds.beta_max,
         )
 
+    @abstractmethod
     def split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
         """Split the slot, as `Duplex.split`."""
-        raise NotImplementedError
 
     def why_silent(self, split: Split) -> Mapping[Reason, Array]:  # noqa: ARG002
         """As `Duplex.why_silent`: reasons that come before that of the duplex part."""

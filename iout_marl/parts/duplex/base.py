@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
@@ -56,14 +57,14 @@ class Duplex(Part):
         return label
 
     @property
+    @abstractmethod
     def charging_frequency_khz(self) -> float:
         """Frequency of the sound that charges."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def uplink_frequency_khz(self) -> float:
         """In the middle of the uplink's band."""
-        raise NotImplementedError
 
     @property
     def uplinks_fill_their_time(self) -> bool:
@@ -105,6 +106,7 @@ class Duplex(Part):
             if not is_number(getattr(self, name), SMALLEST):
                 raise self.fault(f"{name} must be above 0 kHz, not {short(getattr(self, name))}")
 
+    @abstractmethod
     def split(self, charging_offset: Array, uplink_offset: Array, stored_j: Array) -> Split:
         """Split the slot, each AUV's by itself: arrays of another shape are (1, links).
 
@@ -113,8 +115,8 @@ class Duplex(Part):
                 and heard.
             stored_j: (envs, auvs) energy of the node heard at the start of the slot.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def sends(self, split: Split, available_j: Array) -> Array:
         """Whether the node heard sends, (envs, auvs) bool.
 
@@ -122,7 +124,6 @@ class Duplex(Part):
             split: the slot's split.
             available_j: (envs, auvs) energy of the node heard after charging.
         """
-        raise NotImplementedError
 
     def needed_j(self) -> Array:
         """The least energy stored with which a node delivers in a slot that charges and hears it.

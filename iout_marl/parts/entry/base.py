@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
@@ -115,9 +116,9 @@ class Entry(Part):
         shape = (values.shape[0], self._num_auvs, values.shape[1])
         return self.xp.broadcast_to(values[:, None, :], shape)
 
+    @abstractmethod
     def __call__(self, state: State) -> Array:
         """The numbers, (envs, auvs, size); (envs, 1, size) is for all AUVs alike."""
-        raise NotImplementedError
 
 
 entries: Registry[type[Entry]] = Registry("observation entry", Entry)

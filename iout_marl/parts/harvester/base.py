@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 import numpy as np
 
 from iout_marl.parts.base import Part
@@ -17,6 +19,7 @@ class Harvester(Part):
     Its arguments are not checked: a scenario may say what physics refuses.
     """
 
+    @abstractmethod
     def harvested_power_w(self, received_level_db: ArrayLike, acoustic_power_w: float) -> Array:
         """Power that is stored, in W.
 
@@ -27,7 +30,6 @@ class Harvester(Part):
         Returns:
             power in the shape of the levels, from 0.
         """
-        raise NotImplementedError
 
     def harvest_db(self) -> dict[str, float]:
         """What keys of the harvester add to what is harvested, in dB."""

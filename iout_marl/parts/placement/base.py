@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -31,9 +32,9 @@ class Placement(Part):
         return "never"
 
     @property
+    @abstractmethod
     def num_nodes(self) -> int:
         """K."""
-        raise NotImplementedError
 
     @property
     def weights(self) -> tuple[float, ...] | None:
@@ -84,6 +85,7 @@ class Placement(Part):
             )
         return cells.astype(np.int64)
 
+    @abstractmethod
     def draw(self, grid: Grid, rng: np.random.Generator) -> npt.NDArray[np.int64]:
         """Coordinates from 0 of the nodes' cells, (nodes, 3).
 
@@ -91,7 +93,6 @@ class Placement(Part):
             grid: the grid.
             rng: drawn from only where nodes are placed at random.
         """
-        raise NotImplementedError
 
 
 placements: Registry[type[Placement]] = Registry("placement", Placement)

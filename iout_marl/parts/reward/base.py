@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
@@ -44,6 +45,7 @@ class Reward(Part):
                 f"bounds() must map keys of the scenario to numbers from 0, not {short(bounds)}"
             )
 
+    @abstractmethod
     def __call__(self, state: State, events: Events) -> Mapping[str, Array]:
         """The terms of a slot's reward, (envs, auvs) each; (envs, 1) is for all AUVs alike.
 
@@ -51,7 +53,6 @@ class Reward(Part):
             state: the state after the slot.
             events: what happened in it.
         """
-        raise NotImplementedError
 
 
 rewards: Registry[type[Reward]] = Registry("reward", Reward)

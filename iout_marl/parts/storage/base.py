@@ -6,6 +6,7 @@ node pays its uplink; then the store rests, which costs what leaks and what the 
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import NamedTuple
 
 from iout_marl.core.reasons import ASLEEP, STORE_TOO_SMALL, Reason
@@ -87,9 +88,9 @@ class Storage(Part):
         """What a store holds of an energy that comes together in it, in J; of any shape."""
         return energy_j
 
+    @abstractmethod
     def rest(self, energy_j: Array) -> Rest:
         """What becomes of energies in J, (envs, nodes), from the uplinks to the end of a slot."""
-        raise NotImplementedError
 
     def sleeps(self, available_j: Array) -> Array:
         """Whether a node is asleep, and sends nothing, by what it has when the uplinks begin.

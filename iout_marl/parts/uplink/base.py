@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 import numpy as np
 
 from iout_marl.parts.base import Part
@@ -80,6 +82,7 @@ class Uplink(Part):
         """
         return np.zeros_like(distance_m, dtype=np.float64)
 
+    @abstractmethod
     def required_energy_j(
         self,
         power_per_snr_w: ArrayLike,
@@ -100,7 +103,6 @@ class Uplink(Part):
         Returns:
             energy in the broadcast shape of the first three; infinite where no packet can arrive.
         """
-        raise NotImplementedError
 
     def check(self, scenario: Scenario) -> None:
         """Refuse parts that weigh the time of an uplink by Shannon's rate, where it is not that."""

@@ -11,6 +11,7 @@ draws and is given adds up to what it has.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Annotated, TypeAlias
 
 import numpy as np
@@ -121,9 +122,9 @@ class Vehicle(Part):
         """Whether all that AUVs can do they could do with energy without end."""
         return not self.what_it_adds(scenario)
 
+    @abstractmethod
     def propulsion_power_w(self, speed_m_per_s: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Power of moving at a speed through the water, in W: 0 at rest; of NumPy, any shape."""
-        raise NotImplementedError
 
     def setup(self, world: Context) -> None:
         super().setup(world)
