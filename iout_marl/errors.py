@@ -36,6 +36,10 @@ class InputError(ValueError):
         super().__init__(_without_middle(printable(_without_middle(message))))
 
 
+class InputTypeError(InputError, TypeError):
+    """Bad input of another type than what it must be."""
+
+
 class Note(RuntimeWarning):
     """What should be known of results: one line, which the command line prints as a note."""
 

@@ -22,7 +22,7 @@ from iout_marl.policies import (
     take_actions,
 )
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario
-from iout_marl.whole import MAX_SEED, short, whole_argument
+from iout_marl.whole import seed_argument, short, whole_argument
 from iout_marl.world import Events, State, World, has_chance
 from iout_marl.world.actions import ActionCheck
 
@@ -188,10 +188,9 @@ def evaluate(
             of range, a policy whose actions are not integers, of another shape, or outside their
             space, a scenario whose numbers grow beyond all bounds, or a user's metric whose
             values are of another shape, not finite or out of its bounds.
-        TypeError: the policy is none.
     """
     episodes = whole_argument("episodes", episodes, 1, MAX_EPISODES)
-    seed = whole_argument("seed", seed, 0, MAX_SEED)
+    seed = seed_argument(seed)
     scenario, player = policy_for(load_scenario(scenario, overrides), policy, seed)
     deterministic = is_deterministic(player) and not has_chance(scenario)
     world = World(scenario, 1 if deterministic else episodes)

@@ -25,6 +25,8 @@ from iout_marl.files import note_input
 
 #: What the names of Python files end in.
 _SUFFIX = ".py"
+#: The folder of this package.
+_PACKAGE = str(Path(__file__).parent) + os.sep
 #: The entry point by which an installed package brings parts: the name of a module.
 ENTRY_POINT = "iout_marl.parts"
 #: What was brought in, as others can be told to import it too: by the name of its module.
@@ -183,5 +185,8 @@ def _failure(name: str, error: BaseException) -> str:
         if frame.filename != __file__ and not frame.filename.startswith("<")
     ]
     frames = [frame for frame in frames if os.sep + "importlib" + os.sep not in frame.filename]
+    # What its line asks of this package is its own matter.
+    frames = [frame for frame in frames if not frame.filename.startswith(_PACKAGE)] or frames
     where = f"{frames[-1].filename}:{frames[-1].lineno}: " if frames else ""
-    return f"{name} cannot be imported: {where}{type(error).__name__}: {error}"
+    kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+    return f"{name} cannot be imported: {where}{kind}{error}"

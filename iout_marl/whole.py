@@ -50,6 +50,15 @@ def whole_argument(name: str, value: Any, least: int, most: int | None = None) -
         raise InputError(f"{name} {error}") from None
 
 
+def seed_argument(seed: Any, count: int = 1) -> int:
+    """`whole_argument` for the first of so many seeds.
+
+    Raises:
+        InputError: it, or the last one, is none.
+    """
+    return whole_argument("seed", seed, 0, MAX_SEED - count + 1)
+
+
 def is_number(value: Any, least: float = -math.inf, most: float = math.inf) -> bool:
     """Whether it is a finite number within these."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):

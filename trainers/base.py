@@ -13,6 +13,7 @@ from torch import Tensor
 
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, Training, load_scenario
+from iout_marl.whole import seed_argument, whole_argument
 from iout_marl.world import pin_layout
 from trainers.accel import Runtime
 from trainers.accel.group import ProcessGroup
@@ -52,8 +53,8 @@ class BaseTrainer(ABC):
         env_steps: environment steps taken so far, for each policy.
 
     Raises:
-        InputError: settings that several policies or processes cannot be trained with, or that
-            need more memory than there is; or a network or an optimizer that does not work.
+        InputError: no seed; settings that several policies or processes cannot be trained with,
+            or that need more memory than there is; or a network or an optimizer that does not work.
     """
 
     @enough_memory()
@@ -70,6 +71,8 @@ class BaseTrainer(ABC):
         network: str | dict[str, Any] | None = None,
         start: str | None = None,
     ) -> None:
+        replicas = whole_argument("replicas", replicas, 1)
+        seed = seed_argument(seed, replicas)
         weights = None
         if start is None:
             self.source = load_for_training(scenario, overrides, network)

@@ -19,6 +19,7 @@ from iout_marl.files import user_path
 from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.signals import Stopped, StopSignals, nothing_to_save
 from iout_marl.terminal import progress_console
+from iout_marl.whole import seed_argument, whole_argument
 from trainers.accel.group import ProcessGroup
 from trainers.base import load_for_training
 from trainers.callbacks import Callback
@@ -131,13 +132,16 @@ def train(
 
     Raises:
         DivergedError: weights or losses are no longer finite; nothing of it is saved.
-        InputError: `out` holds a run already, or files of others under names that a run writes
-            (or, to resume, no run, or one of another scenario); another process trains in it;
-            or it cannot be written; another process of
+        InputError: a number is none, or out of its range; `out` holds a run already, or files of
+            others under names that a run writes (or, to resume, no run, or one of another
+            scenario); another process trains in it; or it cannot be written; another process of
             the group was lost; there is too little memory; or the work could not be recorded as
             CUDA graphs.
     """
     started, given = time.perf_counter(), scenario
+    replicas = whole_argument("replicas", replicas, 1)
+    seed = seed_argument(seed, replicas)
+    evaluation_episodes = whole_argument("evaluation_episodes", evaluation_episodes, 1)
     if start is None:
         scenario = load_for_training(scenario, overrides, network)
     else:

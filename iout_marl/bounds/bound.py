@@ -19,6 +19,7 @@ from iout_marl.bounds.scheduling import least_age_sum
 from iout_marl.errors import InputError
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
 from iout_marl.scenario.parts import Settings, outside_parts
+from iout_marl.whole import is_number, short
 from iout_marl.words import listed
 
 #: How long a bound is searched for unless told otherwise.
@@ -115,10 +116,10 @@ def bound(
         InputError: no such scenario, its ages are too large to be added up, or a number is out of
             its range.
     """
-    if not seconds >= 0:
-        raise InputError(f"seconds must be 0 or more, not {seconds}")
-    if best_known is not None and not 0 < best_known < math.inf:
-        raise InputError(f"best_known must be a mean AoI above 0, not {best_known}")
+    if not (is_number(seconds, 0) or (isinstance(seconds, float) and seconds == math.inf)):
+        raise InputError(f"seconds must be 0 or more, not {short(seconds)}")
+    if best_known is not None and not (is_number(best_known, 0) and best_known > 0):
+        raise InputError(f"best_known must be a mean AoI above 0, not {short(best_known)}")
     scenario = load_scenario(scenario, overrides)
     if scenario.age.is_continuous:
         return _over_time(scenario, best_known, seconds)

@@ -11,13 +11,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from iout_marl.errors import InputError, did_you_mean
+from iout_marl.errors import InputError, InputTypeError, did_you_mean
 from iout_marl.outside import import_named
 from iout_marl.policies.named import POLICIES, PRETRAINED, make_baseline
 from iout_marl.policies.policy import Policy
 from iout_marl.policies.predicting import AskedPolicy, BasePolicy, ObservationPolicy
 from iout_marl.scenario import Scenario
-from iout_marl.whole import short
+from iout_marl.whole import seed_argument, short
 from iout_marl.world import pin_layout
 
 if TYPE_CHECKING:
@@ -75,9 +75,10 @@ def policy_for(scenario: Scenario, policy: AnyPolicy, seed: int = 0) -> tuple[Sc
         seed: of the layout.
 
     Raises:
-        InputError: no such policy, or one that does not fit the scenario.
-        TypeError: it is none.
+        InputError: no such policy, or one that does not fit the scenario, or no seed.
+        InputTypeError: it is no policy.
     """
+    seed = seed_argument(seed)
     if isinstance(policy, str | os.PathLike):
         return named_policy(scenario, _name_of(policy), seed)
     return pin_layout(scenario, seed), as_policy(policy)
@@ -113,17 +114,17 @@ def as_policy(policy: Any) -> BasePolicy:
     """A policy or a function of observations as a policy that has `predict`.
 
     Raises:
-        TypeError: it is neither.
+        InputTypeError: it is neither.
     """
     if isinstance(policy, BasePolicy):
         return policy
     if isinstance(policy, type) and callable(getattr(policy, "act", None)):
-        raise TypeError(f"a policy must be an object, not its class: {policy.__name__}(…)")
+        raise InputTypeError(f"a policy must be an object, not its class: {policy.__name__}(…)")
     if isinstance(policy, Policy) and callable(policy.act):
         return AskedPolicy(policy)
     if callable(policy):
         return ObservationPolicy(policy)
-    raise TypeError(
+    raise InputTypeError(
         f"a policy needs a name and a method act, or must be callable, not {short(policy)}"
     )
 
@@ -188,7 +189,7 @@ def _untrained(name: str, option: str, *, sampled: bool) -> BasePolicy:
         if isinstance(found, type):
             found = _made(found)
         return as_policy(found)
-    except (InputError, TypeError) as error:
+    except InputError as error:
         raise InputError(f"{where}: {error}") from None
 
 

@@ -13,6 +13,7 @@ from iout_marl.policies import AnyPolicy, Policy, policy_for
 from iout_marl.render.snapshot import battery_shares, currents_at, docks_of, sleeping
 from iout_marl.replay.recording import Recording
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario, to_yaml
+from iout_marl.whole import seed_argument
 from iout_marl.world import Events, State, World
 
 
@@ -205,6 +206,7 @@ def record_policy(
     Raises:
         InputError, TypeError: as `evaluate` does.
     """
+    seed = seed_argument(seed)
     found, player = policy_for(load_scenario(scenario, overrides), policy, seed)
     return record_player(found, player, seed)
 

@@ -6,19 +6,36 @@ the kind alone.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 
-from pydantic import BaseModel, GetCoreSchemaHandler, SerializationInfo, create_model
+from pydantic import (
+    BaseModel,
+    GetCoreSchemaHandler,
+    PydanticUserError,
+    SerializationInfo,
+    create_model,
+)
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
+from iout_marl.errors import InputError
 from iout_marl.outside import bring_in, brought_in, source_of
 from iout_marl.registry import Entry, on_change, registries, registry_of
 from iout_marl.scenario.fields import Section
 from iout_marl.scenario.places import KeyPath
+from iout_marl.whole import short
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)
+
+#: How pydantic names a field without an annotation.
+_WITHOUT_TYPE = re.compile(r"(`|Field ')(?P<key>\w+)(`|'| = )")
 
 #: Sections that hold parts, beside settings of parts; those within others come first.
 holders: list[type[BaseModel]] = []
@@ -26,7 +43,23 @@ holders: list[type[BaseModel]] = []
 _changed_roles: set[str] = set()
 
 
-class Settings(Section):
+class _SettingsClass(ModelMetaclass):
+    """Says of a class of settings that pydantic does not take what is wrong with it, in a line."""
+
+    def __new__(cls, name: str, bases: Any, members: dict[str, Any], **more: Any) -> Any:
+        try:
+            return super().__new__(cls, name, bases, members, **more)
+        except PydanticUserError as error:
+            who = members.get("__qualname__", name).rpartition("<locals>.")[2]
+            key = _WITHOUT_TYPE.search(error.message)
+            if error.code != "model-field-missing-annotation" or key is None:
+                raise InputError(f"{who}: {error.message}") from None
+            value = members[key["key"]]
+            said = f"{key['key']}: {type(value).__name__} = {short(value)}"
+            raise InputError(f"{who}: {key['key']} lacks its type, such as {said}") from None
+
+
+class Settings(Section, metaclass=_SettingsClass):
     """Settings of a part; each kind has its own.
 
     Attributes:

@@ -23,7 +23,11 @@ from iout_marl.parts.base import Part
 from iout_marl.registry import Entry, Registry, registries, registry_of
 from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
 from iout_marl.scenario.keys import all_keys
-from iout_marl.scenario.parts import Settings, part_of, parts_in
+from iout_marl.scenario.layers import Layer
+from iout_marl.scenario.parts import Settings, part_of, parts_in, settings_model
+from iout_marl.scenario.places import Places
+from iout_marl.scenario.plain import plain_mapping
+from iout_marl.scenario.problems import validate
 from iout_marl.testing import by_role
 from iout_marl.testing.environments import SEEDS
 from iout_marl.testing.recorded import (
@@ -133,11 +137,13 @@ def check_part(
         seeds: of layouts and actions.
 
     Raises:
-        InputError: no such role, kind or scenario, or a fault in it.
+        InputError: no such role, kind or scenario, or a fault in it or in the settings.
         AssertionError: the first contract that fails: role, kind, contract, where.
     """
     entry = _entry(role, kind)
     subject = _Subject(entry, {"kind": kind, **(settings or {})})
+    where = f"{entry.role} {kind!r}"
+    validate(settings_model(entry), Layer(plain_mapping(subject.data, where), Places(where)))
     if scenario is None:
         bases = dict(_bases(entry.role, overrides))
     else:

@@ -36,7 +36,7 @@ from iout_marl.parts import (
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario
 from iout_marl.scenario.parts import outside_parts
-from iout_marl.whole import MAX_SEED, whole_argument
+from iout_marl.whole import seed_argument, whole_argument
 from iout_marl.world.actions import ActionCheck, LayoutCheck, is_on_accelerator
 from iout_marl.world.chance import (
     ChanceStream,
@@ -263,7 +263,7 @@ class World:
     def _streams(self, seed: int | None) -> list[np.random.Generator]:
         if seed is None:
             return [np.random.default_rng() for _ in range(self.num_envs)]
-        first = whole_argument("seed", seed, 0, MAX_SEED)
+        first = seed_argument(seed)
         return [np.random.default_rng(first + i) for i in range(self.num_envs)]
 
     def draw_chance(self, seed: int | None = None) -> Iterator[Chance | None]:

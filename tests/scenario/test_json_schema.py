@@ -255,6 +255,9 @@ def test_a_part_from_outside_is_in_it(iout):
             number: Annotated[parts.Count, Field(le=9)] = 2
             named: float = Field(0.5, description="By pydantic's own word.")
 
+        def __call__(self, state, events):
+            return {}
+
     try:
         data = json.loads(iout("schema")[1])
         kinds = data["$defs"]["reward"]["oneOf"]
