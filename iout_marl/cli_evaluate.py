@@ -14,8 +14,8 @@ from iout_marl.cli_options import (
     Overrides,
     ScenarioArgument,
     expanded,
-    file_ending,
     give_out,
+    json_target,
     refuse_same_file,
     take,
     whole,
@@ -62,7 +62,7 @@ def evaluate(
         Path | None,
         typer.Option(
             metavar="FILE",
-            parser=file_ending(".json"),
+            parser=json_target,
             help="Keep the first episode of one policy as JSON, for iout replay --recording.",
         ),
     ] = None,

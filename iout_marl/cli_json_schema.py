@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from iout_marl.cli_options import Imports, file, take
+from iout_marl.cli_options import Imports, json_target, take
 from iout_marl.files import to_json, write_text
 from iout_marl.scenario.json_schema import json_schema
 from iout_marl.terminal import present
@@ -16,7 +16,7 @@ from iout_marl.terminal import present
 def schema(
     output: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", parser=file, help="Write it there; - prints it [-]."),
+        typer.Option(metavar="FILE", parser=json_target, help="Write it there; - prints it [-]."),
     ] = None,
     imports: Imports = None,
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Callable, Mapping
@@ -90,6 +91,26 @@ def file_ending(*endings: str) -> Callable[[str], Path]:
     return parse
 
 
+def json_target(text: str) -> Path:
+    """Reads the path of a JSON file to write: a file of anything else is not written over.
+
+    An empty file holds nothing that could be lost. `-` is standard output.
+    """
+    if text == "-":
+        return Path(text)
+    path = file_ending(".json")(text)
+    try:
+        contents = path.read_bytes() if path.is_file() else b""
+    except OSError:  # which the one who writes will tell of
+        return path
+    if contents.strip():
+        try:
+            json.loads(contents)
+        except (ValueError, RecursionError):
+            raise typer.BadParameter(f"{path}: holds something else than JSON") from None
+    return path
+
+
 def _path(text: str, what: str) -> Path:
     if not text.strip():
         raise typer.BadParameter(f"must name {what}, not be empty")
@@ -109,7 +130,10 @@ ScenarioArgument = Annotated[
 JsonFile = Annotated[
     Path | None,
     typer.Option(
-        "--json", metavar="FILE", parser=file, help="Also write the figures as JSON; - prints it."
+        "--json",
+        metavar="FILE",
+        parser=json_target,
+        help="Also write the figures as JSON; - prints it.",
     ),
 ]
 Overrides = Annotated[

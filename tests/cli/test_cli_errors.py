@@ -140,7 +140,7 @@ def test_json_that_cannot_be_written_is_refused_before_anything_is_played(
 
 
 def test_json_that_cannot_be_written_leaves_the_table(iout):
-    words = ["--policy", "greedy", "--episodes", 1, "--json", "x" * 300]
+    words = ["--policy", "greedy", "--episodes", 1, "--json", "x" * 300 + ".json"]
     status, out, err = iout("evaluate", "paper/k3-fdd", *words)
     assert status == 2
     assert "mean AoI" in out

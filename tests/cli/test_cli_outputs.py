@@ -40,11 +40,14 @@ def contents(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize("target", ["own.yaml", "base.yaml", "preset.yaml", "soft", "hard"])
+@pytest.mark.parametrize("target", ["own.json", "soft.json", "hard.json"])
 @pytest.mark.parametrize("words", [["evaluate", *PLAY], ["bound", "--seconds", 0]], ids=str)
-def test_scenario_and_what_it_is_made_of(refused, tmp_path, own, words, target):
-    (tmp_path / "soft").symlink_to("base.yaml")
-    os.link(tmp_path / "base.yaml", tmp_path / "hard")
+def test_scenario_and_what_it_is_made_of(refused, tmp_path, words, target):
+    (tmp_path / "base.json").write_text('{"extends": "best/k3-fdd"}')
+    own = tmp_path / "own.json"
+    own.write_text('{"extends": "./base.json"}')
+    (tmp_path / "soft.json").symlink_to("base.json")
+    os.link(tmp_path / "base.json", tmp_path / "hard.json")
     before = contents(tmp_path)
     command, *options = words
     assert refused(command, own, *options, "--json", target) == f"{target}: {READ}"
@@ -72,10 +75,40 @@ def test_other_files_beside_those_of_a_run(iout, finished, tiny_settings):
     assert json.loads((finished / "mine.json").read_text())["episodes"] == 1
 
 
-def test_scenario_of_another_command_before(iout, own, tmp_path):
+@pytest.mark.parametrize(
+    ("target", "line"),
+    [
+        ("own.yaml", "must end in .json"),
+        ("soft.json", "holds something else than JSON"),
+        ("half.json", "holds something else than JSON"),
+    ],
+)
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["evaluate", "paper/k3-fdd", *PLAY, "--json"],
+        ["evaluate", "paper/k3-fdd", *PLAY, "--save-episode"],
+        ["bound", "paper/k3-fdd", "--seconds", 0, "--json"],
+        ["schema", "--output"],
+    ],
+    ids=str,
+)
+def test_files_of_anything_but_json(refused, own, tmp_path, words, target, line):
+    (tmp_path / "soft.json").symlink_to(own)
+    (tmp_path / "half.json").write_text('{"episodes": ')
+    before = contents(tmp_path)
+    assert f": {target}: {line}" in refused(*words, target)
+    assert contents(tmp_path) == before
+
+
+def test_scenario_of_another_command_before(iout, tmp_path):
+    own = tmp_path / "own.json"
+    own.write_text('{"extends": "best/k3-fdd"}')
     assert iout("show", own)[0] == 0
     assert iout("evaluate", "paper/k3-fdd", *PLAY, "--json", own)[0] == 0
     assert json.loads(own.read_text())["episodes"] == 1
+    (tmp_path / "empty.json").touch()
+    assert iout("schema", "--output", tmp_path / "empty.json")[0] == 0
 
 
 @pytest.mark.slow
