@@ -9,10 +9,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
 from rich.cells import cell_len
 
 from iout_marl.policies import make_baseline
@@ -386,6 +382,10 @@ def test_layers_of_a_shallow_sea_are_high_enough_to_be_read():
 
 def beams(scene, what):
     """The beams of what passed, as they are drawn from above."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import to_rgb
+    from matplotlib.figure import Figure
+
     figure = Figure()
     projection = Projection(figure, FROM_ABOVE, scene.grid_shape, (0, 0, 300, 300))
     projection.draw(scene, np.ones((len(scene.nodes), 4)))
@@ -408,6 +408,9 @@ def test_what_passes_time_and_again_is_one_beam_and_charging_lies_above_packets(
 
 
 def test_numbers_of_high_bars_do_not_touch():
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     figure = Figure(dpi=style.DPI, figsize=(9.6, 6))
     bars = _Bars(figure, style.ENERGIES, 10, 800.0)
     bars.draw(np.full(10, 1320.0), style.ENERGY, ["1320"] * 10)
