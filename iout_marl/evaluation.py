@@ -17,6 +17,7 @@ from iout_marl.policies import (
     AnyPolicy,
     EpisodeStreams,
     Policy,
+    chosen_by,
     is_deterministic,
     policy_for,
     take_actions,
@@ -248,14 +249,14 @@ def play(world: World, policy: Policy, seed: int = 0) -> Iterator[tuple[State, E
         the state, and what happened in the slot before it: None for the first state.
 
     Raises:
-        InputError: the policy's actions do not fit their space.
+        InputError: the policy's actions do not fit their space, or it is from outside and raises.
     """
     state, chance = world.reset(seed=seed), world.draw_chance(seed)
     rng = EpisodeStreams(seed, world.num_envs)
     check = ActionCheck(world.num_envs, world.num_auvs, world.action_sizes)
     yield state, None
     for slot in range(world.num_slots):
-        chosen = policy.act(world, state, rng)
+        chosen = chosen_by(policy, world, state, rng)
         action = take_actions(policy, chosen, check, f", slot {slot + 1}")
         with _unbounded():
             state, events = world.step(state, action, next(chance))

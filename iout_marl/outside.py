@@ -25,6 +25,7 @@ from iout_marl.files import note_input
 
 #: What the names of Python files end in.
 _SUFFIX = ".py"
+_FOLDER = "is a folder, not a module or a file"
 #: The folder of this package.
 _PACKAGE = str(Path(__file__).parent) + os.sep
 #: The entry point by which an installed package brings parts: the name of a module.
@@ -123,20 +124,23 @@ def import_module(name: str) -> ModuleType:
     _look_last_in(Path())
     importlib.invalidate_caches()
     try:
-        return importlib.import_module(name)
+        found = importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name is not None and (name == error.name or name.startswith(f"{error.name}.")):
             raise InputError(f"there is no module {name!r}{_near_files(name)}") from None
         raise InputError(_failure(name, error)) from None
     except (Exception, SystemExit) as error:  # a module may do anything
         raise InputError(_failure(name, error)) from None
+    if getattr(found, "__file__", None) is None and hasattr(found, "__path__"):
+        raise InputError(f"{name}: {_FOLDER}")  # without code: it is no package
+    return found
 
 
 def _import_file(name: str) -> ModuleType:
     path = Path(name).expanduser()
     if not os.path.isfile(path):  # noqa: PTH113 (never raises)
         is_folder = os.path.isdir(path)  # noqa: PTH112
-        raise InputError(f"{name}: is a folder" if is_folder else f"there is no file {name!r}")
+        raise InputError(f"{name}: {_FOLDER}" if is_folder else f"there is no file {name!r}")
     path = path.resolve()
     note_input(path)
     # What a file defines may ask for its module by name, as data classes do.

@@ -53,7 +53,7 @@ class Entry(Generic[Item]):
     @property
     def is_outside(self) -> bool:
         """Whether somebody else has brought it."""
-        return self.version is not None or not _is_own(self.module)
+        return self.version is not None or not is_own(self.module)
 
     def fault(self, message: str) -> InputError:
         """An error that says which entry is at fault."""
@@ -100,7 +100,7 @@ def _lacking(item: Any, error: Exception) -> str:
     """What a base class leaves to be written, where the error is that it is not there."""
     *_, (frame, _) = traceback.walk_tb(error.__traceback__)
     asked_by = frame.f_globals.get("__name__", "")
-    if not inspect.isclass(item) or not _is_own(asked_by):
+    if not inspect.isclass(item) or not is_own(asked_by):
         return ""
     if isinstance(error, NotImplementedError):
         name = frame.f_code.co_name
@@ -108,11 +108,11 @@ def _lacking(item: Any, error: Exception) -> str:
     if not isinstance(error, AttributeError) or not isinstance(error.obj, item):
         return ""
     # But what the class of all parts declares is made by its methods.
-    bases = [base for base in item.__mro__[1:] if _is_own(base.__module__)][:-1]
+    bases = [base for base in item.__mro__[1:] if is_own(base.__module__)][:-1]
     return next((n for base in bases for n in base.__annotations__ if n == error.name), "")
 
 
-def _is_own(module: str) -> bool:
+def is_own(module: str) -> bool:
     """Whether a module is part of this package."""
     return module.partition(".")[0] in _OWN
 
@@ -223,8 +223,7 @@ class Registry(Generic[Item]):
                 f"{self.role} {kind!r}: {item.__module__}.{name} has the name of "
                 f"{other.module}.{other.item.__qualname__}: two parts of one kind"
             )
-        is_own = _is_own(item.__module__)
-        if version is None and not is_own and self.in_scenarios:
+        if version is None and not is_own(item.__module__) and self.in_scenarios:
             raise InputError(
                 f'{self.role} {kind!r}: {name} must state a version: register("{kind}", version=1)'
             )

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from iout_marl.policies import Actions, BasePolicy, is_deterministic, take_actions
+from iout_marl.policies import Actions, BasePolicy, chosen_by, is_deterministic, take_actions
 from iout_marl.policies.loading import named_policy
 from iout_marl.policies.simulator import rows
 from iout_marl.scenario import Scenario
@@ -117,7 +117,8 @@ class _Lesson:
         keeps_to_plan = self.policy.plans_ahead and not self._world.chance
         if keeps_to_plan and self._foreseen is not None and state.slot[0] > 0:
             state = self._foreseen
-        chosen = take_actions(self.policy, self.policy.act(self._world, state, rng), self._check)
+        asked = chosen_by(self.policy, self._world, state, rng)
+        chosen = take_actions(self.policy, asked, self._check)
         if keeps_to_plan:
             self._foreseen, _ = self._world.step(state, chosen)
         return chosen

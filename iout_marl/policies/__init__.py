@@ -8,7 +8,7 @@ from iout_marl.policies.chance import EpisodeStreams
 from iout_marl.policies.loading import AnyPolicy, as_policy, load_policy, policy_for
 from iout_marl.policies.named import BASELINES, POLICIES, make_baseline
 from iout_marl.policies.planned import BestOf, PlannerPolicy, Tour
-from iout_marl.policies.policy import Actions, Policy, is_deterministic, take_actions
+from iout_marl.policies.policy import Actions, Policy, chosen_by, is_deterministic, take_actions
 from iout_marl.policies.predicting import BasePolicy, ObservationPolicy
 from iout_marl.policies.returning import Return
 from iout_marl.policies.search import DEFAULT_BUDGET, Budget
@@ -32,6 +32,7 @@ __all__ = [
     "RoundRobin",
     "Tour",
     "as_policy",
+    "chosen_by",
     "is_deterministic",
     "load_policy",
     "make_baseline",

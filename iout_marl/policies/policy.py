@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.errors import InputError
+from iout_marl.registry import blamed, is_own
 from iout_marl.world import State, World
 from iout_marl.world.actions import ActionCheck
 
@@ -45,6 +46,19 @@ def is_deterministic(policy: Policy) -> bool:
     """Whether a policy leaves nothing to chance, as far as it says so itself."""
     said = getattr(policy, "is_deterministic", False)
     return isinstance(said, bool | np.bool_) and bool(said)
+
+
+def chosen_by(policy: Policy, world: World, state: State, rng: np.random.Generator) -> Any:
+    """What `Policy.act` returns; of a policy from outside that raises, that it does, and where.
+
+    Raises:
+        InputError: in place of what it raises.
+    """
+    code = getattr(policy, "code", type(policy))
+    if is_own(getattr(code, "__module__", None) or ""):
+        return policy.act(world, state, rng)
+    with blamed(f"policy {policy.name}", code):
+        return policy.act(world, state, rng)
 
 
 def take_actions(policy: Policy, chosen: Any, check: ActionCheck, when: str = "") -> Actions:

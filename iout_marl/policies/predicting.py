@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import secrets
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -15,7 +16,7 @@ import numpy.typing as npt
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.policies.chance import EpisodeStreams
 from iout_marl.policies.forms import Question, Sizes, read_question
-from iout_marl.policies.policy import Actions, Policy, is_deterministic, take_actions
+from iout_marl.policies.policy import Actions, Policy, chosen_by, is_deterministic, take_actions
 from iout_marl.whole import short
 from iout_marl.world import State, World
 from iout_marl.world.actions import ActionCheck
@@ -35,6 +36,11 @@ class BasePolicy(ABC):
 
     name: str
     plans_ahead: bool = False
+
+    @property
+    def code(self) -> Any:
+        """The class or the function that chooses."""
+        return type(self)
 
     @abstractmethod
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:
@@ -89,6 +95,11 @@ class AskedPolicy(BasePolicy):
         self.name = policy.name
 
     @property
+    def code(self) -> Any:
+        """The policy's class."""
+        return type(self.policy)
+
+    @property
     def is_deterministic(self) -> bool:
         """As the policy says."""
         return is_deterministic(self.policy)
@@ -110,6 +121,12 @@ class ObservationPolicy(BasePolicy):
     def __init__(self, function: Callable[[Any], Any], name: str = "") -> None:
         self._function = function
         self.name = name or str(getattr(function, "__name__", "callable"))
+
+    @property
+    def code(self) -> Any:
+        """The function, or the class of what is called like one."""
+        function = self._function
+        return function if inspect.isroutine(function) else type(function)
 
     def act(self, world: World, state: State, rng: np.random.Generator) -> Actions:  # noqa: ARG002
         observation = np.asarray(world.observe(state), dtype=np.float32)
@@ -197,7 +214,7 @@ def _acted(policy: Policy, episodes: EpisodeBatch, rng: np.random.Generator | No
     if rng is None and asked.last and asked.last[0] is policy and asked.last[1] is state:
         return asked.last[2]
     check = ActionCheck(world.num_envs, world.num_auvs, world.action_sizes)
-    chosen = policy.act(world, state, asked.streams if rng is None else rng)
+    chosen = chosen_by(policy, world, state, asked.streams if rng is None else rng)
     actions = take_actions(policy, chosen, check)
     if rng is None:
         asked.last = policy, state, actions

@@ -11,7 +11,7 @@ import numpy as np
 
 from iout_marl.errors import InputError
 from iout_marl.policies.beam import BeamSearch, Weights
-from iout_marl.policies.policy import Policy
+from iout_marl.policies.policy import Policy, chosen_by
 from iout_marl.policies.routes import Gait, tours
 from iout_marl.policies.simulator import Integers, Plan, Simulator, rows, with_nodes
 from iout_marl.scenario import Scenario
@@ -164,7 +164,7 @@ class Planner:
         world, rng = World(self._scenario), np.random.default_rng(self._seed)
         actions = []
         for _ in range(max(world.num_slots - int(state.slot[0]), 1)):
-            actions.append(policy.act(world, state, rng))
+            actions.append(chosen_by(policy, world, state, rng))
             state, _ = world.step(state, actions[-1], world.expected)
         return np.concatenate(actions).astype(np.int64)
 

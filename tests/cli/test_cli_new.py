@@ -156,6 +156,9 @@ def test_parts_from_outside_stand_in_it(tmp_path):
             #: What nothing gives.
             needed: float
 
+        def __call__(self, state, events):
+            return {}
+
     try:
         text = text_of("paper/k3-fdd")
         assert "# Or instead of it (of_the_test) Nothing at all.\n#reward:\n" in text

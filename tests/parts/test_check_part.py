@@ -108,7 +108,7 @@ def test_what_does_not_come_into_a_scenario(registered):
     registered(parts.rewards, wrong)
     with pytest.raises(AssertionError, match=r"^reward 'mine': in a scenario: .*bounds\(\) must"):
         check_part(parts.rewards, "mine")
-    with pytest.raises(AssertionError, match=r"^reward 'mine': in a scenario: .*reward\.weight"):
+    with pytest.raises(InputError, match=r"^reward 'mine': weight: unknown key"):
         check_part(parts.rewards, "mine", {"weight": 2.0})
 
 

@@ -54,6 +54,7 @@ def oldest_now(world, state):
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path, monkeypatch, forgotten_parts, forgotten_metrics):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "adir").mkdir()
     (tmp_path / "my_parts.py").write_text(MINE.format(version=1))
     settings = {**TINY, "reward": {"kind": "peak_age", "weight": 2.0}, "auvs.motion": "diagonal"}
     lines = [f"{key}: {json.dumps(value)}" for key, value in nested(settings).items()]
@@ -110,6 +111,8 @@ def registering(what, base="Reward"):
 
 WRONG = {
     "no module": ("nowhere", None, "--import: there is no module 'nowhere'"),
+    "folder": ("adir", None, "--import: adir: is a folder, not a module or a file"),
+    "folder's path": ("./adir", None, "--import: ./adir: is a folder, not a module or a file"),
     "no file": ("nowhere.py", None, "--import: there is no file 'nowhere.py'"),
     "slip": ("my_part", None, "there is no module 'my_part'; did you mean 'my_parts'?"),
     "error": ("broken.py", "1/0", "broken.py cannot be imported: .*broken.py:1: ZeroDivision"),

@@ -1,14 +1,16 @@
 """Policies of one's own by MODULE:NAME and FILE.py:NAME: found, played, or refused in one line."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from iout_marl import InputError, evaluate, load_policy, record_episode
+from iout_marl import InputError, evaluate, iout_v0, load_policy, record_episode
 from iout_marl.outside import import_module, import_named
+from iout_marl.policies import Greedy
 
 ROOT = Path(__file__).parents[2]
 #: A class, an object, a function, and what is none of them.
@@ -45,6 +47,14 @@ class Wants:
 class Nameless:
     def act(self, world, state, rng):
         pass
+
+class Breaks:
+    name = "breaks"
+    def act(self, world, state, rng):
+        return 1 / 0
+
+def breaks(observation):
+    return 1 / 0
 
 still = Still()
 
@@ -173,6 +183,28 @@ def test_what_fails_while_it_is_imported(refused, name, suffix):
         line = refused("evaluate", "paper/k3-fdd", "--policy", f"{place}:x")
         assert line.startswith(f"--policy {place}:x: {place} cannot be imported: ")
         assert expected.replace(".py", "_of_tests.py") in line
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["Breaks", "breaks"])
+def test_what_fails_while_it_plays(refused, name):
+    place = f"mine_of_tests.py:{name}"
+    told = r"policy breaks: raises ZeroDivisionError: division by zero \(.*mine_of_tests\.py:\d+\)"
+    for words in (["evaluate"], ["bound", "--seconds", 0], ["replay"]):
+        line = refused(words[0], "paper/k3-fdd", *words[1:], "--policy", place)
+        assert re.fullmatch(told, line)
+    env = iout_v0.parallel_env("paper/k3-fdd")
+    observations, _ = env.reset(seed=0)
+    with pytest.raises(InputError, match=told):
+        load_policy(place).predict(observations, env=env)
+    line = refused("train", "paper/k3-fdd", "--set", f"training.imitate={place}", "--out", "run")
+    assert re.fullmatch(f"training.imitate: {told}", line)
+
+
+def test_errors_of_the_packages_own_policies_are_no_fault_of_a_users(monkeypatch):
+    monkeypatch.setattr(Greedy, "act", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        evaluate("paper/k3-fdd", "greedy", 1)
 
 
 def test_ctrl_c_passes(folder):
