@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -26,7 +27,7 @@ from iout_marl.scenario import load_scenario
 from iout_marl.terminal import present
 from iout_marl.whole import MAX_SEED
 from iout_marl.words import counted
-from iout_marl.world import pin_layout
+from iout_marl.world import draws_layout_once, pin_layout
 
 if TYPE_CHECKING:
     from iout_marl.bounds import Bound
@@ -79,6 +80,8 @@ def bound_command(
     asked = load_scenario(scenario, overrides or [])
     keep_inputs(json_file, names)
     loaded = with_layout_of_runs(asked, names, transfer=False)
+    # Those of a run come first.
+    drawn = f"seed {seed} draws them" if draws_layout_once(loaded) else "the run has drawn them"
     if seed is not None:
         loaded = pin_layout(loaded, seed)
     is_alike = loaded.nodes.part.redraws == "never" and not has_chance(loaded)
@@ -86,6 +89,9 @@ def bound_command(
     played = evaluate_named(loaded, names, episodes, seed or 0, transfer=False)
     reached = {name: found.metrics["mean_aoi"].mean for name, found in played.items()}
     found = bound(loaded, min(reached.values()), seconds)
+    if found.energy_and_travel is not None and draws_layout_once(asked):
+        layout = f"nodes lie where {drawn}: the one by energy and travel is for this layout alone"
+        found = replace(found, validity=f"{found.validity}; {layout}")
     record = found.to_json() | {
         "policies": {
             name: {

@@ -148,7 +148,7 @@ def members(folder: Path) -> list[Path]:
     try:
         if _holds_policy(folder):
             return []
-        found = [path.parent for path in folder.glob("*/policy.json")]
+        found = [path.parent for path in folder.glob("*/policy.json") if _holds_policy(path.parent)]
     except OSError as error:
         raise InputError(f"{folder}: cannot be read: {error.strerror}") from None
     # By their numbers, where they have any: seed-2 before seed-10.
@@ -232,4 +232,4 @@ def _what_else(name: str) -> str:
 
 
 def _holds_policy(folder: Path) -> bool:
-    return (folder / "policy.json").is_file()
+    return all((folder / name).is_file() for name in ("policy.json", "policy.safetensors"))

@@ -55,6 +55,11 @@ def test_json_to_a_file_goes_beside_the_table(iout, tmp_path):
 def test_the_layout_of_a_run_is_bounded_by_its_seed(iout):
     words = ("bound", "random/k3-fdd", *SHORT, "--seconds", 1, "--json", "-", "--seed")
     found = [json.loads(iout(*words, seed)[1]) for seed in (4, 4, 5)]
+    for seed, each in zip((4, 4, 5), found, strict=True):
+        assert each["validity"] == (
+            f"both bounds hold for every policy; nodes lie where seed {seed} draws them: "
+            "the one by energy and travel is for this layout alone"
+        )
     assert found[0]["certificate"] == found[1]["certificate"] != found[2]["certificate"]
     layout = pin_layout(load_scenario("random/k3-fdd", {"episode.duration_s": 150}), 4)
     assert found[0]["certificate"]["world_hash"] == layout.world_hash

@@ -177,6 +177,11 @@ class TestNames:
             "--policy group/seed-7 --policy group/seed-8"
         )
 
+    def test_folder_of_runs_names_those_that_hold_a_policy(self, refused, by_run, runs, tmp_path):
+        (tmp_path / "group" / "seed-7" / "policy.safetensors").unlink()
+        line = refused("evaluate", *by_run, *policies("group"))
+        assert line.endswith("folders that do: --policy group/seed-8")
+
     def test_folder_of_runs_is_quoted_and_cut_short(self, refused, by_run, runs, tmp_path):
         for i in range(10):
             shutil.copytree(tmp_path / "a b", tmp_path / "my runs" / f"seed-{i}")

@@ -210,12 +210,14 @@ def test_actions_may_be_a_list():
     assert found.episodes == 2
 
 
-def test_what_a_policy_raises_is_raised():
+def test_what_a_policy_raises_is_told_with_its_place():
     def fails(seen):
         raise ZeroDivisionError("in a policy")
 
-    with pytest.raises(ZeroDivisionError, match="in a policy"):
+    line = r"^policy fails: raises ZeroDivisionError: in a policy \(.*test_evaluation\.py:\d+\)$"
+    with pytest.raises(InputError, match=line) as raised:
         evaluate("paper/k3-fdd", fails, 2)
+    assert isinstance(raised.value.__cause__, ZeroDivisionError)
 
 
 @pytest.mark.parametrize("count", [2, 3, 10, 100])
