@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from iout_marl import machine
-from iout_marl.cli_options import Imports, Overrides, expanded, file, folder, take, whole
+from iout_marl.cli_options import Imports, Overrides, expanded, file_ending, folder, take, whole
 from iout_marl.errors import InputError
 from iout_marl.extras import how_to_install, missing, require
 from iout_marl.files import path_from, write_text
@@ -145,7 +145,11 @@ def report(
     ],
     markdown: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", parser=file, help="Where the Markdown goes [DIR/report.md]."),
+        typer.Option(
+            metavar="FILE",
+            parser=file_ending(".md"),
+            help="Where the Markdown goes [DIR/report.md].",
+        ),
     ] = None,
     imports: Imports = None,
 ) -> None:

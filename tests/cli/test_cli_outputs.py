@@ -156,23 +156,27 @@ class TestMarkdown:
 
     @pytest.mark.parametrize(
         "name",
-        ["results.json", "results.csv", "report.html", "study.json", "cells/a.md", "figures/a.png"],
+        ["results.json", "results.csv", "report.html", "study.json", "cells/a.md", "figures/a.md"],
     )
     def test_files_of_a_study(self, refused, study, name):
         (study / "cells").mkdir(exist_ok=True)
         (study / "figures").mkdir(exist_ok=True)
         before = contents(study)
         line = refused("report", study, "--markdown", study / name)
-        assert line == f"{study / name}: cannot be written: it is a file of the study in {study}"
+        if name.endswith(".md"):
+            told = f"{study / name}: cannot be written: it is a file of the study in {study}"
+            assert line == told
+        else:
+            assert f"{study / name}: must end in .md" in line
         assert contents(study) == before
 
     @pytest.mark.slow
     def test_results_by_another_name(self, refused, study, tmp_path):
-        (tmp_path / "link").symlink_to("out/results.json")
-        os.link(study / "results.json", tmp_path / "hard")
+        (tmp_path / "link.md").symlink_to("out/results.json")
+        os.link(study / "results.json", tmp_path / "hard.md")
         before = (study / "results.json").read_bytes()
-        assert "is a file of the study" in refused("report", study, "--markdown", "link")
-        assert READ in refused("report", study, "--markdown", "hard")
+        assert "is a file of the study" in refused("report", study, "--markdown", "link.md")
+        assert READ in refused("report", study, "--markdown", "hard.md")
         assert (study / "results.json").read_bytes() == before
 
     @pytest.mark.slow
