@@ -213,7 +213,7 @@ def test_a_run_says_which_import_is_missing(iout, tmp_path):
         f"give --import {path}\n"
     )
     parts.rewards.unregister("peak_age")
-    parts.rewards.register("peak_age", version=7)(type("Newer", (parts.Reward,), {}))
+    parts.rewards.register("peak_age", version=7)(type("Newer", (parts.rewards["paper"].item,), {}))
     with pytest.raises(InputError, match="of version 1; the one registered here is of version 7"):
         load_policy("run")
 
