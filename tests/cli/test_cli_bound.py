@@ -99,7 +99,7 @@ def test_json_that_cannot_be_written(iout, refused):
     assert "missing/x.json: cannot be written: missing is no folder" in refused(
         *words, "missing/x.json"
     )
-    status, out, err = iout(*words, "x" * 300)
+    status, out, err = iout(*words, "x" * 300 + ".json")
     assert status == 2
     assert "scheduling bound" in out
     assert "cannot be written: " in err
