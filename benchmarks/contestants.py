@@ -39,15 +39,15 @@ class Learner(Protocol):
 
 
 class Ours:
-    """This trainer at its default preset, its schedule as long as it takes."""
+    """This trainer at its preset for short trainings, its schedule as long as it takes."""
 
     def __init__(self, scenario: Scenario, seed: int, device: str = "cpu") -> None:
         from trainers import Trainer
 
         steps = OUR_STEPS[scenario.reward.kind]
-        self.scenario = load_scenario(
-            scenario, {"training.preset": "short", "training.steps": steps}
-        )
+        # By its name: a scenario that is loaded says itself what a preset would.
+        changes = {"training.preset": "short", "training.steps": steps}
+        self.scenario = load_scenario(scenario.name, changes)
         self._trainer = Trainer(self.scenario, seed, device)
 
     def learn(self) -> int:

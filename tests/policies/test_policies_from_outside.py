@@ -197,8 +197,9 @@ def test_what_fails_while_it_plays(refused, name):
     observations, _ = env.reset(seed=0)
     with pytest.raises(InputError, match=told):
         load_policy(place).predict(observations, env=env)
-    line = refused("train", "paper/k3-fdd", "--set", f"training.imitate={place}", "--out", "run")
-    assert re.fullmatch(f"training.imitate: {told}", line)
+    setting = f"training.imitate={place}"
+    line = refused("train", "paper/k3-fdd", "--set", setting, "--out", "run")
+    assert re.fullmatch(f"--set {re.escape(setting)}: training.imitate: {told}", line)
 
 
 def test_errors_of_the_packages_own_policies_are_no_fault_of_a_users(monkeypatch):

@@ -194,9 +194,11 @@ def all_refused(*words, processes=2):
 
 
 def test_environments_that_cannot_be_shared_evenly(scenario_file, tmp_path):
-    lines = all_refused(str(scenario_file()), "--out", str(tmp_path / "run"), processes=3)
-    expected = "iout: training.environments: 4 cannot be shared evenly by 3 processes"
-    assert expected in lines
+    path = scenario_file()
+    lines = all_refused(str(path), "--out", str(tmp_path / "run"), processes=3)
+    places = [n for n, li in enumerate(path.read_text().splitlines(), 1) if "environments:" in li]
+    expected = "training.environments: 4 cannot be shared evenly by 3 processes"
+    assert f"iout: {path}:{places[0]}: {expected}" in lines
 
 
 def test_policies_side_by_side_are_for_one_process(scenario_file, tmp_path):
