@@ -10,7 +10,7 @@ from torch import Tensor
 from iout_marl.errors import InputError
 from iout_marl.policies.loading import is_run
 from iout_marl.policies.named import PRETRAINED
-from iout_marl.scenario import AnyScenario, Overrides, Scenario, load_scenario
+from iout_marl.scenario import AnyScenario, Overrides, Scenario, Training, load_scenario
 from iout_marl.scenario.cases import value_at
 from iout_marl.scenario.layers import Layer, overrides_layer
 from iout_marl.scenario.loading import scenario_layer
@@ -39,7 +39,7 @@ def started_from(
         start: `pretrained`, or the folder of a run with `training.network: set`.
         scenario: what to train on; its training takes what it does not say itself from the preset
             `fine-tune`, and the networks from the start. Of a `Scenario`, which says everything,
-            the network `mlp` counts as not said.
+            the network counts as not said where it is the default.
         overrides: changes of the scenario, as for `load_scenario`.
         network: in place of `training.network`.
 
@@ -53,7 +53,8 @@ def started_from(
         said = overrides_layer({_NETWORK: network}).over(said)
     own, _ = scenario_layer(scenario)
     if isinstance(scenario, Scenario):
-        own = _without(own, *_TAKEN, *[_NETWORK] * (scenario.training.network.kind == "mlp"))
+        usual = scenario.training.network.kind == Training.hash_defaults["network"]
+        own = _without(own, *_TAKEN, *([_NETWORK] if usual else ()))
     asked = load_scenario(scenario, _without(said, _NETWORK))
     source, weights = _source(start, asked, who)
     _refuse_other(who, source.training.network, value_at(said.over(own).data, _NETWORK))
