@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import Any, Self
 
@@ -60,6 +60,14 @@ class StopSignals:
         trace: TracebackType | None,
     ) -> None:
         self._put_back()
+
+    def ignore(self, number: int) -> None:
+        """Let a signal have no effect from now on, nor when this is left; if any are caught."""
+        if not self.catch:
+            return
+        self._before.pop(number, None)
+        with suppress(ValueError):  # in another thread than the main one
+            signal.signal(number, signal.SIG_IGN)
 
     def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
         self.number = number

@@ -176,9 +176,8 @@ class TrainingRun:
         try:
             self._iterate()
         except LostProcessError as error:
-            if self._signals.catch:
-                # torchrun now ends those that are left: not before this one has said why.
-                signal.signal(signal.SIGTERM, signal.SIG_IGN)
+            # torchrun now ends those that are left: not before this one has said why.
+            self._signals.ignore(signal.SIGTERM)
             raise InputError(
                 f"{self._out}: {error} after {self.trainer.env_steps:,} environment steps; "
                 f"{_last(self.saved_at)}"

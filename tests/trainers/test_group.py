@@ -14,6 +14,7 @@ import torch
 from safetensors.torch import load_file
 
 from iout_marl.scenario import to_yaml
+from iout_marl.signals import StopSignals
 from trainers import RunFolder, started_group, train
 
 pytestmark = pytest.mark.slow
@@ -219,6 +220,17 @@ def test_what_schedulers_leave_in_the_environment_starts_no_group(monkeypatch):
     monkeypatch.setenv("WORLD_SIZE", "2")
     with started_group(torch.device("cpu")) as (group, device):
         assert (group.rank, group.size, device.type) == (0, 1, "cpu")
+
+
+def test_a_signal_that_is_ignored_stays_so_when_signals_are_no_longer_caught():
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        with StopSignals() as signals:
+            signals.ignore(signal.SIGTERM)
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @pytest.mark.parametrize("lost", [0, 1])
