@@ -268,7 +268,8 @@ class BaseTrainer(ABC):
             policy: which.
             name: what tables call it.
         """
-        network = self._make_network(self.seeds[policy]).to(self.runtime.device)
+        # On the CPU, where evaluations and environments play.
+        network = self._make_network(self.seeds[policy])
         network.load_state_dict(self.weights(policy))
         return TrainedPolicy(
             network.eval(),

@@ -69,7 +69,11 @@ def scenario(request, tiny):
 def assert_alike(first, second, tolerance):
     for name, tensor in first.items():
         torch.testing.assert_close(
-            tensor.cpu(), second[name].cpu(), rtol=tolerance, atol=tolerance, msg=name
+            tensor.cpu(),
+            second[name].cpu(),
+            rtol=tolerance,
+            atol=tolerance,
+            msg=lambda text, name=name: f"{name}: {text}",
         )
 
 
