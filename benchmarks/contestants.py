@@ -47,6 +47,7 @@ class Ours:
         steps = OUR_STEPS[scenario.reward.kind]
         # By its name: a scenario that is loaded says itself what a preset would.
         changes = {"training.preset": "short", "training.steps": steps}
+        self._is_on_cpu = device == "cpu"
         self.scenario = load_scenario(scenario.name, changes)
         self._trainer = Trainer(self.scenario, seed, device)
 
@@ -57,7 +58,9 @@ class Ours:
     def policy(self) -> Any:
         from trainers import TrainedPolicy
 
-        return TrainedPolicy(self._trainer.network)
+        if self._is_on_cpu:
+            return TrainedPolicy(self._trainer.network)
+        return self._trainer.policy()
 
 
 def at_papers_settings(scenario: Scenario, seed: int) -> Any:

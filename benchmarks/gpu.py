@@ -728,6 +728,48 @@ def gymnax_cartpole(given: Given) -> Iterator[Row]:
     return while_it_fits(sizes_of_others(given), "environments", measure_size)
 
 
+def jaxmarl_spread(agents: int) -> Case:
+    """JaxMARL's simple spread, many steps as one program."""
+
+    def measure(given: Given) -> Iterator[Row]:
+        jax = jax_for(given)
+        need("jaxmarl")
+        import jaxmarl
+
+        env = jaxmarl.make(
+            "MPE_simple_spread_v3", num_agents=agents, num_landmarks=agents, action_type="Discrete"
+        )
+
+        def measure_size(envs: int) -> Row:
+            def play_on(carried: Any, key: Any) -> tuple[Any, None]:
+                keys = jax.random.split(key, (1 + len(env.agents), envs))
+                actions = {
+                    agent: jax.vmap(env.action_space(agent).sample)(keys[1 + i])
+                    for i, agent in enumerate(env.agents)
+                }
+                observation, state, reward, *_ = jax.vmap(env.step)(keys[0], carried[1], actions)
+                return (observation, state, reward), None
+
+            @jax.jit
+            def play_all(carried: Any, key: Any) -> Any:
+                return jax.lax.scan(play_on, carried, jax.random.split(key, SLOTS))[0]
+
+            def play() -> None:
+                jax.block_until_ready(play_all(first, jax.random.key(1)))
+
+            started = time.perf_counter()
+            observation, state = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), envs))
+            zeros = {agent: jax.numpy.zeros(envs) for agent in env.agents}
+            first = (observation, state, zeros)
+            play()
+            ready_s = time.perf_counter() - started
+            return {**rate(SLOTS * envs, seconds(play, "cpu")), "ready after s": ready_s}
+
+        return while_it_fits(sizes_of_others(given), "environments", measure_size)
+
+    return measure
+
+
 STEPS = {
     "tests": Step(
         "do the tests pass that need a CUDA device, and those of what runs there?",
@@ -801,6 +843,7 @@ STEPS = {
             "this world on JAX, by slots": world_on_jax(at_once=False),
             "VMAS spread, 1 agent": vmas_spread(1),
             "VMAS spread, 3 agents": vmas_spread(3),
+            "JaxMARL spread, 3 agents": jaxmarl_spread(3),
             "Gymnax CartPole": gymnax_cartpole,
         },
     ),
