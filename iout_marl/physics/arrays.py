@@ -127,7 +127,7 @@ def joined(xp: Any, arrays: Sequence[Array]) -> Array:
 
 
 def lookup(xp: Any, table: Array, index: Array) -> Array:
-    """Entries of a table, its axes laid end to end, at indices of any shape."""
+    """Entries of a table, its axes laid end to end, at indices of any shape, none negative."""
     if xp is np:
         return table.take(index)
     table, places = xp.reshape(table, (-1,)), xp.reshape(index, (-1,))
