@@ -99,4 +99,4 @@ def _take(values: Tensor, index: Tensor) -> Tensor:
     # Rows of one long table, found by one index in place of two.
     first = torch.arange(len(index), device=index.device)[:, None] * values.shape[1]
     found = values.flatten(0, 1).index_select(0, (index + first).flatten())
-    return found.unflatten(0, index.shape)
+    return found.reshape(*index.shape, *values.shape[2:])

@@ -73,7 +73,8 @@ def started_group(device: torch.device) -> Iterator[tuple[ProcessGroup, torch.de
 
     Raises:
         InputError: there are more processes than GPUs on this machine, they do not find
-            one another, or what `torchrun` says in the environment is no number.
+            one another, one is lost before all have, or what `torchrun` says in the environment
+            is no number.
     """
     # Without a size, it is only what a `torchrun` of before has left in the environment.
     is_launched = distributed.is_torchelastic_launched() and "WORLD_SIZE" in os.environ
@@ -96,7 +97,12 @@ def started_group(device: torch.device) -> Iterator[tuple[ProcessGroup, torch.de
         reason = str(error).strip().splitlines()[0]
         raise InputError(f"torchrun: the processes did not find one another: {reason}") from None
     try:
-        yield _group_by_shared_memory(device) or DistributedGroup(device), device
+        try:
+            with _translate_connection_errors():
+                group = _group_by_shared_memory(device) or DistributedGroup(device)
+        except LostProcessError as error:
+            raise InputError(f"torchrun: {error} before it began") from None
+        yield group, device
     finally:
         distributed.destroy_process_group()
 
