@@ -8,6 +8,8 @@ import time
 import pytest
 import torch
 
+from iout_marl.errors import InputError
+from trainers import started_group
 from trainers.accel.group import LostProcessError
 
 if sys.platform != "linux":
@@ -141,3 +143,25 @@ def test_without_shared_memory_there_is_none(monkeypatch, tmp_path, reason):
     before = sorted(tmp_path.iterdir())
     assert shared_memory._new_file(2) is None
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_process_that_is_lost_while_the_group_is_made_is_told_of(monkeypatch, tmp_path):
+    def broken(numbers):
+        raise RuntimeError("[../third_party/gloo/pair.cc:534] Connection closed by peer")
+
+    for name, does in {
+        "is_torchelastic_launched": lambda: True,
+        "init_process_group": lambda *args, **kwargs: None,
+        "destroy_process_group": lambda: None,
+        "get_rank": lambda: 0,
+        "get_world_size": lambda: 2,
+        "broadcast_object_list": lambda names: None,
+        "all_reduce": broken,
+    }.items():
+        monkeypatch.setattr(torch.distributed, name, does)
+    monkeypatch.setattr(shared_memory, "MEMORY", tmp_path)
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    expected = "^torchrun: another process of the training was lost before it began$"
+    with pytest.raises(InputError, match=expected), started_group(torch.device("cpu")):
+        pass
+    assert not list(tmp_path.iterdir())

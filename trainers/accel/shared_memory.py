@@ -67,17 +67,23 @@ class SharedMemoryGroup(ProcessGroup):
     def of_one_machine(cls) -> SharedMemoryGroup | None:
         """The processes of `torch.distributed`; None, in all, where they cannot share memory."""
         rank, size = distributed.get_rank(), distributed.get_world_size()
-        names: list[str | None] = [_new_file(size) if rank == 0 else None]
-        distributed.broadcast_object_list(names)
-        (name,) = names
-        group = None
-        if name is not None:
-            with suppress(OSError):  # that of another machine
-                group = cls(rank, size, Path(name).open("r+b"))  # noqa: SIM115
-        failures = torch.tensor(float(group is None))
-        distributed.all_reduce(failures)
-        if rank == 0 and name is not None:
-            Path(name).unlink()
+        own = _new_file(size) if rank == 0 else None
+        names, group = [own], None
+        try:
+            distributed.broadcast_object_list(names)
+            (name,) = names
+            if name is not None:
+                with suppress(OSError):  # that of another machine
+                    group = cls(rank, size, Path(name).open("r+b"))  # noqa: SIM115
+            failures = torch.tensor(float(group is None))
+            distributed.all_reduce(failures)
+        except BaseException:
+            if group is not None:
+                group._file.close()
+            raise
+        finally:
+            if own is not None:
+                Path(own).unlink()
         return None if failures > 0 else group
 
     def sum(self, tensor: Tensor) -> Tensor:
