@@ -693,6 +693,31 @@ def world_on_jax(*, at_once: bool) -> Case:
     return measure
 
 
+def many_at_once(jax: Any, envs: int, reset: Callable[[], Any], step: Callable[..., Any]) -> Row:
+    """Many steps of an environment on JAX as one program.
+
+    Args:
+        jax: the library.
+        envs: environments side by side.
+        reset: gives what is carried from step to step: observations, states and rewards.
+        step: gives it after another step, by what was carried and a key.
+    """
+
+    @jax.jit
+    def play_all(carried: Any, key: Any) -> Any:
+        keys = jax.random.split(key, SLOTS)
+        return jax.lax.scan(lambda *given: (step(*given), None), carried, keys)[0]
+
+    def play() -> None:
+        jax.block_until_ready(play_all(first, jax.random.key(1)))
+
+    started = time.perf_counter()
+    first = reset()
+    play()
+    ready_s = time.perf_counter() - started
+    return {**rate(SLOTS * envs, seconds(play, "cpu")), "ready after s": ready_s}
+
+
 def gymnax_cartpole(given: Given) -> Iterator[Row]:
     """CartPole of Gymnax, many steps as one program."""
     jax = jax_for(given)
@@ -702,28 +727,18 @@ def gymnax_cartpole(given: Given) -> Iterator[Row]:
     env, params = gymnax.make("CartPole-v1")
 
     def measure_size(envs: int) -> Row:
-        reset = jax.jit(jax.vmap(env.reset, in_axes=(0, None)))
-        step = jax.vmap(env.step, in_axes=(0, 0, 0, None))
+        step_all = jax.vmap(env.step, in_axes=(0, 0, 0, None))
 
-        def play_on(carried: Any, key: Any) -> tuple[Any, None]:
+        def reset() -> Any:
+            keys = jax.random.split(jax.random.key(0), envs)
+            return (*jax.vmap(env.reset, in_axes=(0, None))(keys, params), jax.numpy.zeros(envs))
+
+        def step(carried: Any, key: Any) -> Any:
             keys = jax.random.split(key, envs)
             action = jax.random.randint(key, (envs,), 0, 2)
-            observation, state, reward, *_ = step(keys, carried[1], action, params)
-            return (observation, state, reward), None
+            return step_all(keys, carried[1], action, params)[:3]
 
-        @jax.jit
-        def play_all(carried: Any, key: Any) -> Any:
-            return jax.lax.scan(play_on, carried, jax.random.split(key, SLOTS))[0]
-
-        def play() -> None:
-            jax.block_until_ready(play_all(first, jax.random.key(1)))
-
-        started = time.perf_counter()
-        observation, state = reset(jax.random.split(jax.random.key(0), envs), params)
-        first = (observation, state, jax.numpy.zeros(envs))
-        play()
-        ready_s = time.perf_counter() - started
-        return {**rate(SLOTS * envs, seconds(play, "cpu")), "ready after s": ready_s}
+        return many_at_once(jax, envs, reset, step)
 
     return while_it_fits(sizes_of_others(given), "environments", measure_size)
 
@@ -741,29 +756,20 @@ def jaxmarl_spread(agents: int) -> Case:
         )
 
         def measure_size(envs: int) -> Row:
-            def play_on(carried: Any, key: Any) -> tuple[Any, None]:
+            def reset() -> Any:
+                keys = jax.random.split(jax.random.key(0), envs)
+                zeros = {agent: jax.numpy.zeros(envs) for agent in env.agents}
+                return (*jax.vmap(env.reset)(keys), zeros)
+
+            def step(carried: Any, key: Any) -> Any:
                 keys = jax.random.split(key, (1 + len(env.agents), envs))
                 actions = {
-                    agent: jax.vmap(env.action_space(agent).sample)(keys[1 + i])
-                    for i, agent in enumerate(env.agents)
+                    agent: jax.vmap(env.action_space(agent).sample)(own)
+                    for agent, own in zip(env.agents, keys[1:], strict=True)
                 }
-                observation, state, reward, *_ = jax.vmap(env.step)(keys[0], carried[1], actions)
-                return (observation, state, reward), None
+                return jax.vmap(env.step)(keys[0], carried[1], actions)[:3]
 
-            @jax.jit
-            def play_all(carried: Any, key: Any) -> Any:
-                return jax.lax.scan(play_on, carried, jax.random.split(key, SLOTS))[0]
-
-            def play() -> None:
-                jax.block_until_ready(play_all(first, jax.random.key(1)))
-
-            started = time.perf_counter()
-            observation, state = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), envs))
-            zeros = {agent: jax.numpy.zeros(envs) for agent in env.agents}
-            first = (observation, state, zeros)
-            play()
-            ready_s = time.perf_counter() - started
-            return {**rate(SLOTS * envs, seconds(play, "cpu")), "ready after s": ready_s}
+            return many_at_once(jax, envs, reset, step)
 
         return while_it_fits(sizes_of_others(given), "environments", measure_size)
 
