@@ -54,7 +54,7 @@ def export(
         from trainers.onnx_file import onnx_file
         from trainers.pretrained import pretrained
         from trainers.runs.folder import RunFolder
-        from trainers.sizing import with_table
+        from trainers.sizing import TABLE, with_table
 
     if str(run) != PRETRAINED:
         if scenario is not None:
@@ -64,7 +64,7 @@ def export(
     elif scenario is None:
         raise InputError(f"{PRETRAINED}: say for which --scenario, whose actions it is to choose")
     else:
-        of = with_table(load_scenario(scenario))
+        of = with_table(load_scenario(scenario), TABLE)
         policy = pretrained().policy_for(of)
     contents = onnx_file(policy, of)
     write_atomically(onnx, contents)

@@ -276,6 +276,7 @@ class BaseTrainer(ABC):
             name,
             use_mask=self.settings.mask_actions,
             num_auvs=self.collector.world.num_auvs,
+            observation=self.collector.world.scenario.observation.model_dump(),
         )
 
     def weights(self, policy: int = 0) -> dict[str, Tensor]:

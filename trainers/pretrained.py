@@ -30,6 +30,7 @@ from trainers.factory import make_network
 from trainers.networks import ActorCritic
 from trainers.runs.checking import check_like
 from trainers.runs.folder import readable
+from trainers.sizing import check_view
 from trainers.trained import TrainedPolicy
 
 #: Of the file of weights; others are refused.
@@ -153,15 +154,19 @@ class Pretrained(BasePolicy):
         """The weights for the actions of a scenario, as a policy that plays in worlds of any size.
 
         Raises:
-            InputError: there are none.
+            InputError: there are none, or its AUVs' view has a limit.
         """
         mode = mode_for(self._modes, scenario, self.name)
+        check_view(self.name, mode.scenario.observation.model_dump(), scenario)
         self._tell_of(scenario, mode)
         name = MODES[scenario.duplex.part.num_choices]
         if name not in self._policies:
             network = mode.network()
             network.load_state_dict(mode.weights)
-            self._policies[name] = TrainedPolicy(network.eval(), self.name, use_mask=True)
+            observation = mode.scenario.observation.model_dump()
+            self._policies[name] = TrainedPolicy(
+                network.eval(), self.name, use_mask=True, observation=observation
+            )
         return self._policies[name]
 
     def _tell_of(self, scenario: Scenario, mode: Mode) -> None:

@@ -19,6 +19,7 @@ from iout_marl.scenario.places import show_value
 from trainers.pretrained import load_modes, mode_for
 from trainers.runs.folder import RunFolder
 from trainers.runs.loading import differences
+from trainers.sizing import check_view
 
 #: Settings of a training that has little to learn.
 PRESET = "fine-tune"
@@ -58,11 +59,10 @@ def started_from(
     asked = load_scenario(scenario, _without(said, _NETWORK))
     source, weights = _source(start, asked, who)
     _refuse_other(who, source.training.network, value_at(said.over(own).data, _NETWORK))
+    observation = source.observation.model_dump()
+    check_view(who, observation, asked)
     changes: dict[str, Any] = {
-        "observation": {
-            **source.observation.model_dump(),
-            "view_range_m": asked.observation.view_range_m,
-        },
+        "observation": {**observation, "view_range_m": asked.observation.view_range_m},
         "training.preset": PRESET,
         _NETWORK: source.training.network.model_dump(),
     }

@@ -47,7 +47,7 @@ class TrainedPolicy(BasePolicy):
         self.use_mask = use_mask
         self.sampled = sampled
         self._num_auvs = num_auvs
-        self._sized = None if network.layout is None else SizedNetworks(network, observation)
+        self._sized = None if network.layout is None else SizedNetworks(network, name, observation)
 
     @property
     def is_deterministic(self) -> bool:

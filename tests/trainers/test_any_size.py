@@ -73,6 +73,26 @@ def test_is_asked_in_environments(run, changes):
     assert found == pytest.approx(expected.samples["mean_aoi"][0], rel=1e-12)
 
 
+def test_what_auvs_know_must_be_as_in_the_training(run, tmp_path):
+    """A view with a limit has a column more, which other weights know nothing of."""
+    limit = {"observation.view_range_m": 800}
+    limited, whole = load_scenario("random/k5-fdd", limit), load_scenario("random/k5-fdd")
+    other = tmp_path / "limited"
+    train("random/k5-fdd", other, overrides={**SETTINGS, **limit}, evaluation_episodes=1)
+    assert evaluate(limited, load_policy(other), 1).episodes == 1
+    said = r": was trained {} observation\.view_range_m, which in random/k5-fdd is {}$"
+    for start, wrong, message in (
+        (str(run), limited, said.format("without", "800 m")),
+        ("pretrained", limited, said.format("without", "800 m")),
+        (str(other), whole, said.format("with", "null")),
+    ):
+        with pytest.raises(InputError, match=message):
+            evaluate(wrong, load_policy(start), 1)
+        with pytest.raises(InputError, match=message):
+            train(wrong, tmp_path / "never", start=start)
+    assert not (tmp_path / "never").exists()
+
+
 def test_where_runs_fit(run):
     load_run(run, load_scenario("paper/k3-fdd"), transfer=False)
     with pytest.raises(InputError, match="--transfer"):

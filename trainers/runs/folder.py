@@ -260,7 +260,7 @@ class RunFolder:
             str(self.path),
             use_mask=shape["mask_actions"],
             num_auvs=world.num_auvs,
-            observation=scenario.observation.model_dump() if network.layout else None,
+            observation=scenario.observation.model_dump(),
         )
 
     def _files(self) -> dict[str, bytes]:
