@@ -13,12 +13,16 @@ from iout_marl.policies import Actions, BasePolicy
 from iout_marl.policies.forms import Sizes, read_question
 from iout_marl.policies.predicting import asked_in, episodes_of, rows_of
 from iout_marl.world import State, World
+from trainers.agreement import agreed
 from trainers.networks import ActorCritic
 from trainers.sizing import SizedNetworks
 
 
 class TrainedPolicy(BasePolicy):
     """Plays what a network has learnt.
+
+    AUVs of any number that name a node to hear apart from the node to charge, and see the state
+    of the whole network, agree on whom each hears: see `trainers.agreement`.
 
     Args:
         network: actor and critic, on any device.
@@ -64,7 +68,8 @@ class TrainedPolicy(BasePolicy):
         if self._sized is None:
             return self._choose(self.network, world.observe(state), mask, rng)
         network, observer = self._sized.in_world(world)
-        return self._choose(network, observer.observe(state), mask, rng)
+        nodes = world.num_nodes if _can_agree(world) else None
+        return self._choose(network, observer.observe(state), mask, rng, nodes)
 
     def predict(
         self,
@@ -119,8 +124,12 @@ class TrainedPolicy(BasePolicy):
         observation: Any,
         mask: npt.NDArray[np.bool_] | None,
         rng: np.random.Generator,
+        nodes: int | None = None,
     ) -> Actions:
-        """(…, entries) actions for (…, entries) observations and (…, choices) masks."""
+        """(…, entries) actions for (…, entries) observations and (…, choices) masks.
+
+        Where `nodes`, their number, is given, AUVs agree on whom each hears.
+        """
         device = network.scaler.shift.device
         seen = torch.as_tensor(observation, dtype=torch.float32, device=device)
         allowed = None if mask is None else torch.as_tensor(mask, device=device)
@@ -132,9 +141,20 @@ class TrainedPolicy(BasePolicy):
         else:
             found = network.logits(inputs, allowed)
             action = network.greedy_action(found)
+        if nodes is not None:
+            if self.sampled:
+                found = network.logits(inputs, allowed, action)
+            heard = network.log_probabilities(found)[..., -1, :]
+            action[..., -1] = agreed(action[..., -1], heard, nodes)
         if not found.isfinite().all():
             raise InputError(
                 f"{self.name}: its weights lead to numbers that are not finite: they are damaged, "
                 "or of a training that diverged"
             )
         return action.cpu().numpy()
+
+
+def _can_agree(world: World) -> bool:
+    """Whether the AUVs of a world have something to agree on, and know what it takes."""
+    sees_all = world.scenario.observation.view_range_m is None
+    return world.num_auvs > 1 and world.duplex.num_choices > 1 and sees_all
