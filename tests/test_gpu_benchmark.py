@@ -159,18 +159,23 @@ def test_where_a_case_hangs_is_told(monkeypatch, gpu):
     assert cases.why(1, "Traceback\nKeyError: 'x'\n", 3.0) == ("failed", "KeyError: 'x'")
 
 
-def test_tensors_that_differ(gpu):
+@pytest.mark.usefixtures("gpu")
+def test_tensors_that_differ():
+    equality = importlib.import_module("on_gpu.equality")
     one = torch.tensor([1.0, float("nan"), -4.0])
-    assert gpu.difference(one, one.clone()) is None
+    assert equality.difference(one, one.clone()) is None
     other = torch.tensor([1.5, float("nan"), -4.0])
-    assert gpu.difference(one[::2], other[::2]) == "1 of 2 numbers, by 0.5 at most, of 4"
-    assert gpu.difference(one, other).startswith("1 of 3 numbers")
-    assert gpu.difference(one, torch.zeros(3)).startswith("3 of 3 numbers")
+    assert equality.difference(one[::2], other[::2]) == "1 of 2 numbers, by 0.5 at most, of 4"
+    assert equality.difference(one, other).startswith("1 of 3 numbers")
+    assert equality.difference(one, torch.zeros(3)).startswith("3 of 3 numbers")
     flags = torch.tensor([True, False])
-    assert gpu.difference(flags, ~flags) == "2 of 2 numbers, by 1 at most, of 1"
+    assert equality.difference(flags, ~flags) == "2 of 2 numbers, by 1 at most, of 1"
 
 
-def test_figures_of_a_trace(gpu):
+@pytest.mark.usefixtures("gpu")
+def test_figures_of_a_trace():
+    profiling = importlib.import_module("on_gpu.profiling")
+
     def event(cat, name, ts, dur):
         return {"ph": "X", "cat": cat, "name": name, "ts": ts, "dur": dur}
 
@@ -187,7 +192,7 @@ def test_figures_of_a_trace(gpu):
         event("gpu_memcpy", "Memcpy DtoH (Device -> Pinned)", 205, 5),
         event("gpu_memset", "Memset (Device)", 120, 10),
     ]
-    rows = list(gpu.figures_of(events, most=2))
+    rows = list(profiling.figures_of(events, most=2))
     figures = {row["figure"]: row["value"] for row in rows if "figure" in row}
     assert figures == {
         "kernels, copies and fills": 5,
