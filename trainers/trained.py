@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import torch
+from torch import Tensor
 
 from iout_marl.errors import InputError
 from iout_marl.policies import Actions, BasePolicy
@@ -16,6 +18,10 @@ from iout_marl.world import State, World
 from trainers.agreement import agreed
 from trainers.networks import ActorCritic
 from trainers.sizing import SizedNetworks
+
+#: Rows of node tables that are looked at together: what is made of more of them does not fit into a
+#: processor's cache.
+_ROWS_AT_ONCE = 10_000
 
 
 class TrainedPolicy(BasePolicy):
@@ -117,7 +123,7 @@ class TrainedPolicy(BasePolicy):
         actions = self._choose(self.network, rows, masks, rng or np.random.default_rng())
         return question.answer(actions.reshape(-1, len(sizes.action)))
 
-    @torch.no_grad()
+    @torch.inference_mode()
     def _choose(
         self,
         network: ActorCritic,
@@ -133,16 +139,41 @@ class TrainedPolicy(BasePolicy):
         device = network.scaler.shift.device
         seen = torch.as_tensor(observation, dtype=torch.float32, device=device)
         allowed = None if mask is None else torch.as_tensor(mask, device=device)
-        inputs = network.scaler(seen)
+        noise = None
         if self.sampled:
-            shape = (*inputs.shape[:-1], len(network.action_sizes))
+            shape = (*seen.shape[:-1], len(network.action_sizes))
             noise = torch.as_tensor(1 - rng.random(shape, dtype=np.float32), device=device)
+        at_once = max(len(seen), 1)
+        if network.layout is not None and device.type == "cpu":
+            at_once = max(_ROWS_AT_ONCE // (network.layout.nodes * seen.shape[1:-1].numel()), 1)
+        parts = torch.split(seen, at_once)
+        masks, draws = (
+            itertools.repeat(None) if each is None else torch.split(each, at_once)
+            for each in (allowed, noise)
+        )
+        actions = [
+            self._choose_some(network, part, its_mask, its_draws, nodes)
+            for part, its_mask, its_draws in zip(parts, masks, draws, strict=False)
+        ]
+        return torch.cat(actions).cpu().numpy()
+
+    def _choose_some(
+        self,
+        network: ActorCritic,
+        seen: Tensor,
+        allowed: Tensor | None,
+        noise: Tensor | None,
+        nodes: int | None,
+    ) -> Tensor:
+        """`_choose` of a part of the environments, on the networks' device."""
+        inputs = network.scaler(seen)
+        if noise is not None:
             action, found = network.act(inputs, allowed, noise)
         else:
             found = network.logits(inputs, allowed)
             action = network.greedy_action(found)
         if nodes is not None:
-            if self.sampled:
+            if noise is not None:
                 found = network.logits(inputs, allowed, action)
             heard = network.log_probabilities(found)[..., -1, :]
             action[..., -1] = agreed(action[..., -1], heard, nodes)
@@ -151,7 +182,7 @@ class TrainedPolicy(BasePolicy):
                 f"{self.name}: its weights lead to numbers that are not finite: they are damaged, "
                 "or of a training that diverged"
             )
-        return action.cpu().numpy()
+        return action
 
 
 def _can_agree(world: World) -> bool:

@@ -9,7 +9,7 @@ from iout_marl.errors import InputError
 from iout_marl.policies import BestOf
 from iout_marl.policies.rehearsal import Mirror
 from iout_marl.world import World
-from trainers import Trainer, train
+from trainers import Trainer, train, trained
 from trainers.runs.loading import load_run
 
 SMALL = {"kind": "set", "width": 8, "blocks": 1, "heads": 2, "pair_width": 4, "critic_width": 8}
@@ -47,6 +47,19 @@ def test_plays_anywhere(run, name):
         mask = np.asarray(world.action_mask(state))
         assert np.take_along_axis(mask, action + starts, axis=-1).all()
         state, _ = world.step(state, action, chance)
+
+
+@pytest.mark.parametrize("sampled", [False, True])
+@pytest.mark.parametrize("name", ["random/k7-fdd", "multi/m2-k10-fdd"])
+def test_parts_of_the_environments_decide_as_all_of_them(run, monkeypatch, name, sampled):
+    world, policy = World(name, 7), load_policy(run, sampled=sampled)
+    state = world.reset(seed=1)
+    together = policy.act(world, state, np.random.default_rng(0))
+    rows = world.num_auvs * world.num_nodes
+    for at_once in (1, 2 * rows, 7 * rows):  # fewer than one environment's, two's, all
+        monkeypatch.setattr(trained, "_ROWS_AT_ONCE", at_once)
+        actions = policy.act(world, state, np.random.default_rng(0))
+        np.testing.assert_array_equal(actions, together)
 
 
 def test_sees_what_a_table_shows(run):
