@@ -47,7 +47,6 @@ class Ours:
         steps = OUR_STEPS[scenario.reward.kind]
         # By its name: a scenario that is loaded says itself what a preset would.
         changes = {"training.preset": "short", "training.steps": steps}
-        self._is_on_cpu = device == "cpu"
         self.scenario = load_scenario(scenario.name, changes)
         self._trainer = Trainer(self.scenario, seed, device)
 
@@ -58,7 +57,7 @@ class Ours:
     def policy(self) -> Any:
         from trainers import TrainedPolicy
 
-        if self._is_on_cpu:
+        if self._trainer.runtime.device.type == "cpu":
             return TrainedPolicy(self._trainer.network)
         return self._trainer.policy()
 

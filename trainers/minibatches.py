@@ -52,15 +52,18 @@ class Minibatches:
             data: (policies, samples, …) each; an `advantage` is normalised over each minibatch.
             order: (policies, samples), as by `orders`.
         """
-        parts = order.tensor_split(self._settings.minibatches, dim=-1)
+        # Of all policies' samples as one long table, found by one index in place of two.
+        policies, samples = order.shape
+        rows = order + samples * torch.arange(policies, device=order.device)[:, None]
+        parts = rows.tensor_split(self._settings.minibatches, dim=-1)
         minibatches = [(self._own(index), index.shape[-1]) for index in parts]
         advantages = self._advantages(data["advantage"], minibatches)
-        for (index, samples), advantage in zip(minibatches, advantages, strict=True):
+        for (index, number), advantage in zip(minibatches, advantages, strict=True):
             others = {k: _take(v, index) for k, v in data.items() if k != "advantage"}
-            yield {**others, "advantage": advantage}, samples
+            yield {**others, "advantage": advantage}, number
 
     def _own(self, index: Tensor) -> Tensor:
-        """This process's part of (policies, samples) indices of all, as it counts its samples."""
+        """This process's part of (policies, samples) indices into all, as it counts its samples."""
         group = self._runtime.group
         if group.size == 1:
             return index
@@ -93,10 +96,6 @@ class Minibatches:
 
 
 def _take(values: Tensor, index: Tensor) -> Tensor:
-    """The (policies, samples, …) values at (policies, samples) indices."""
-    if len(index) == 1:
-        return values[0].index_select(0, index[0])[None]
-    # Rows of one long table, found by one index in place of two.
-    first = torch.arange(len(index), device=index.device)[:, None] * values.shape[1]
-    found = values.flatten(0, 1).index_select(0, (index + first).flatten())
+    """The (policies, samples, …) values at indices, (policies, samples), into all samples."""
+    found = values.flatten(0, 1).index_select(0, index.flatten())
     return found.reshape(*index.shape, *values.shape[2:])

@@ -157,13 +157,13 @@ class Pretrained(BasePolicy):
             InputError: there are none, or its AUVs' view has a limit.
         """
         mode = mode_for(self._modes, scenario, self.name)
-        check_view(self.name, mode.scenario.observation.model_dump(), scenario)
+        observation = mode.scenario.observation.model_dump()
+        check_view(self.name, observation, scenario)
         self._tell_of(scenario, mode)
         name = MODES[scenario.duplex.part.num_choices]
         if name not in self._policies:
             network = mode.network()
             network.load_state_dict(mode.weights)
-            observation = mode.scenario.observation.model_dump()
             self._policies[name] = TrainedPolicy(
                 network.eval(), self.name, use_mask=True, observation=observation
             )
