@@ -19,7 +19,7 @@ import torch
 
 from iout_marl import evaluate, load_scenario, pretrained
 from iout_marl.bounds.scheduling import delivery_bound
-from iout_marl.policies import BasePolicy, BestOf, Budget, PlannerPolicy, Tour
+from iout_marl.policies import BasePolicy, BestOf, Budget, GuidedBeam, PlannerPolicy, Tour
 from iout_marl.world import pin_layout
 
 ROUNDS = 16
@@ -30,6 +30,8 @@ METHODS: dict[str, Callable[[], BasePolicy]] = {
     "pretrained, mirrored": lambda: BestOf(pretrained(), mirrored=True),
     "pretrained, best of 16": lambda: BestOf(pretrained(), 16),
     "pretrained, best of 128, mirrored": lambda: BestOf(pretrained(), 128, mirrored=True),
+    "pretrained, beam of 4": lambda: GuidedBeam(pretrained(), 4),
+    "pretrained, beam of 16": lambda: GuidedBeam(pretrained(), 16),
     f"planner from pretrained, {ROUNDS} rounds": lambda: PlannerPolicy(
         Budget(rounds=ROUNDS), warm=[pretrained()]
     ),

@@ -20,7 +20,7 @@ from iout_marl.cli_options import (
     take,
     whole,
 )
-from iout_marl.cli_policies import evaluate_all, keep_inputs, planner_budget
+from iout_marl.cli_policies import Ahead, evaluate_all, keep_inputs, planner_budget
 from iout_marl.cli_tables import say_outlook, show_breakdown, show_columns
 from iout_marl.evaluation import MAX_EPISODES
 from iout_marl.policies import BASELINES, DEFAULT_BUDGET, POLICIES
@@ -114,6 +114,16 @@ def evaluate(
             "world, and then play the best.",
         ),
     ] = False,
+    beam: Annotated[
+        int | None,
+        typer.Option(
+            "--beam",
+            metavar="N",
+            parser=whole(1, 10_000),
+            help="Trained policies guide a beam search that keeps N episodes in every slot, and "
+            "then play the best.",
+        ),
+    ] = None,
     transfer: Annotated[
         bool,
         typer.Option(
@@ -147,8 +157,7 @@ def evaluate(
         transfer=transfer,
         sampled=sampled,
         breakdown=nodes,
-        best_of=best_of,
-        mirrored=mirrored,
+        ahead=Ahead(best_of, mirrored, beam),
         keep_episode=save_episode is not None,
     )
     say_outlook(loaded)

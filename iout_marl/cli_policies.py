@@ -3,16 +3,59 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 from iout_marl.errors import InputError
 from iout_marl.evaluation import Evaluation, evaluate
 from iout_marl.files import refuse_input
-from iout_marl.policies import DEFAULT_BUDGET, BestOf, Budget, PlannerPolicy, Policy
+from iout_marl.policies import DEFAULT_BUDGET, BestOf, Budget, GuidedBeam, PlannerPolicy, Policy
 from iout_marl.policies.loading import is_run, is_trained, load_run, members, named_policy
 from iout_marl.replay import Recording
 from iout_marl.replay.recorder import FirstEpisode, record_player
 from iout_marl.scenario import Scenario
 from iout_marl.words import listed
+
+
+class Ahead(NamedTuple):
+    """How trained policies search before the first slot, if they do.
+
+    Attributes:
+        best_of: how many episodes are played ahead, to play the best of them.
+        mirrored: as well in the mirror images of the world.
+        beam: how many episodes a beam search keeps; None for no such search.
+    """
+
+    best_of: int = 1
+    mirrored: bool = False
+    beam: int | None = None
+
+    @property
+    def option(self) -> str | None:
+        """The option that asks for it."""
+        if self.beam:
+            return "--beam"
+        return "--best-of" if self.best_of > 1 else "--mirrored" if self.mirrored else None
+
+    def check(self, names: list[str], *, sampled: bool) -> None:
+        """Refuse what does not go together.
+
+        Raises:
+            InputError: none of the policies is trained, or actions are drawn, or searched for in
+                two ways.
+        """
+        if not any(map(is_trained, names)):
+            raise InputError(f"{self.option}: none of the policies is a trained one")
+        if sampled:
+            raise InputError(f"{self.option}: draws what it needs itself; leave out --sampled")
+        other = self._replace(beam=None).option
+        if self.beam and other:
+            raise InputError(f"--beam: is a search of its own; leave out {other}")
+
+    def searched(self, policy: Policy, seed: int) -> Policy:
+        """The policy with its search."""
+        if self.beam:
+            return GuidedBeam(policy, self.beam)
+        return BestOf(policy, self.best_of, mirrored=self.mirrored, seed=seed)
 
 
 def keep_inputs(target: Path | None, policies: list[str]) -> None:
@@ -78,8 +121,7 @@ def evaluate_all(
     transfer: bool,
     sampled: bool,
     breakdown: bool,
-    best_of: int = 1,
-    mirrored: bool = False,
+    ahead: Ahead | None = None,
     keep_episode: bool = False,
 ) -> tuple[list[Evaluation], str, FirstEpisode | None]:
     """Run policies by what `load_policy` takes.
@@ -94,8 +136,7 @@ def evaluate_all(
         budget: what the planner spends; None for the usual.
         sampled: draw trained policies' actions rather than take the most probable.
         breakdown: also tell each node and each AUV apart.
-        best_of: how many episodes trained policies play ahead, to play the best of them.
-        mirrored: as well in the mirror images of the world.
+        ahead: how trained policies search before the first slot.
         keep_episode: record the first episode of the policy, of which there must be one.
 
     Returns:
@@ -107,11 +148,9 @@ def evaluate_all(
     runs = [name for name in names if is_run(name)]
     if sampled and not any(map(is_trained, names)):
         raise InputError("--sampled: none of the policies is a trained one")
-    ahead = "--best-of" if best_of > 1 else "--mirrored" if mirrored else None
-    if ahead and not any(map(is_trained, names)):
-        raise InputError(f"{ahead}: none of the policies is a trained one")
-    if ahead and sampled:
-        raise InputError(f"{ahead}: draws what it needs itself; leave out --sampled")
+    ahead = ahead or Ahead()
+    if ahead.option:
+        ahead.check(names, sampled=sampled)
     if keep_episode and len(names) != 1:
         raise InputError(f"--save-episode: keeps that of one --policy, not of {len(names)}")
     layout = with_layout_of_runs(scenario, [*names, *starts], transfer=transfer)
@@ -126,14 +165,9 @@ def evaluate_all(
             (own, planner if name == "planner" else player)
             for name, (own, player) in zip(names, players, strict=True)
         ]
-    if ahead:
+    if ahead.option:
         players = [
-            (
-                own,
-                BestOf(player, best_of, mirrored=mirrored, seed=seed)
-                if is_trained(name)
-                else player,
-            )
+            (own, ahead.searched(player, seed) if is_trained(name) else player)
             for name, (own, player) in zip(names, players, strict=True)
         ]
     first_episode = FirstEpisode(names[0], seed) if keep_episode else None

@@ -144,11 +144,22 @@ class Pretrained(BasePolicy):
         Raises:
             InputError: there are no weights for actions like those of the scenario.
         """
-        if world not in self._known:
-            self._known[world] = self.policy_for(world.scenario)
-        policy = self._known[world]
+        policy = self._policy_in(world)
         policy.sampled = self.sampled
         return policy.act(world, state, rng)
+
+    def likely_actions(self, world: World, state: State, number: int) -> Actions:
+        """See `TrainedPolicy.likely_actions`.
+
+        Raises:
+            InputError: as for `act`.
+        """
+        return self._policy_in(world).likely_actions(world, state, number)
+
+    def _policy_in(self, world: World) -> TrainedPolicy:
+        if world not in self._known:
+            self._known[world] = self.policy_for(world.scenario)
+        return self._known[world]
 
     def policy_for(self, scenario: Scenario) -> TrainedPolicy:
         """The weights for the actions of a scenario, as a policy that plays in worlds of any size.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ from torch import Tensor
 from iout_marl.errors import InputError
 from iout_marl.policies import Actions, BasePolicy
 from iout_marl.policies.forms import Sizes, read_question
+from iout_marl.policies.policy import most_probable
 from iout_marl.policies.predicting import asked_in, episodes_of, rows_of
 from iout_marl.world import State, World
 from trainers.agreement import agreed
+from trainers.likely import likely_actions, likely_together
 from trainers.networks import ActorCritic
 from trainers.sizing import SizedNetworks
 
@@ -70,12 +73,43 @@ class TrainedPolicy(BasePolicy):
         Raises:
             InputError: the networks have come to numbers that are not finite.
         """
+        network, observation, mask = self._seen(world, state)
+        agree = self._sized is not None and _can_agree(world)
+        return self._choose(network, observation, mask, rng, world.num_nodes if agree else None)
+
+    @torch.inference_mode()
+    def likely_actions(self, world: World, state: State, number: int) -> Actions:
+        """The most probable actions of all AUVs together, but for the first, which `act` takes.
+
+        Args:
+            world, state: as for `act`.
+            number: how many to name.
+
+        Returns:
+            (envs, number, auvs, entries), fewer where there are no more.
+        """
+        network, observation, mask = self._seen(world, state)
+        device = network.scaler.shift.device
+        inputs = network.scaler(torch.as_tensor(observation, dtype=torch.float32, device=device))
+        allowed = None if mask is None else torch.as_tensor(mask, device=device)
+        found = [
+            likely_together(*likely_actions(network, part, its_mask, number))
+            for part, its_mask in _in_parts(network, inputs, allowed, rows=number)
+        ]
+        others = torch.cat(found)[:, : number - 1].cpu().numpy()
+        with most_probable(self):
+            own = self.act(world, state, np.random.default_rng())
+        return np.concatenate([own[:, None], others], axis=1)
+
+    def _seen(
+        self, world: World, state: State
+    ) -> tuple[ActorCritic, Any, npt.NDArray[np.bool_] | None]:
+        """The networks as they are in a world, and what they are shown of a state."""
         mask = world.action_mask(state) if self.use_mask else None
         if self._sized is None:
-            return self._choose(self.network, world.observe(state), mask, rng)
+            return self.network, world.observe(state), mask
         network, observer = self._sized.in_world(world)
-        nodes = world.num_nodes if _can_agree(world) else None
-        return self._choose(network, observer.observe(state), mask, rng, nodes)
+        return network, observer.observe(state), mask
 
     def predict(
         self,
@@ -143,17 +177,9 @@ class TrainedPolicy(BasePolicy):
         if self.sampled:
             shape = (*seen.shape[:-1], len(network.action_sizes))
             noise = torch.as_tensor(1 - rng.random(shape, dtype=np.float32), device=device)
-        at_once = max(len(seen), 1)
-        if network.layout is not None and device.type == "cpu":
-            at_once = max(_ROWS_AT_ONCE // (network.layout.nodes * seen.shape[1:-1].numel()), 1)
-        parts = torch.split(seen, at_once)
-        masks, draws = (
-            itertools.repeat(None) if each is None else torch.split(each, at_once)
-            for each in (allowed, noise)
-        )
         actions = [
             self._choose_some(network, part, its_mask, its_draws, nodes)
-            for part, its_mask, its_draws in zip(parts, masks, draws, strict=False)
+            for part, its_mask, its_draws in _in_parts(network, seen, allowed, noise)
         ]
         return torch.cat(actions).cpu().numpy()
 
@@ -183,6 +209,27 @@ class TrainedPolicy(BasePolicy):
                 "or of a training that diverged"
             )
         return action
+
+
+def _in_parts(
+    network: ActorCritic, seen: Tensor, *others: Tensor | None, rows: int = 1
+) -> Iterator[tuple[Any, ...]]:
+    """Environments by parts that fit into a cache: of the observations, and of what lies beside.
+
+    Args:
+        network: sees them.
+        seen: (envs, …, entries) observations.
+        others: (envs, …) or None each.
+        rows: by how many rows each observation is looked at.
+    """
+    at_once = max(len(seen), 1)
+    if network.layout is not None and seen.device.type == "cpu":
+        looked_at = network.layout.nodes * seen.shape[1:-1].numel() * rows
+        at_once = max(_ROWS_AT_ONCE // looked_at, 1)
+    parts = (
+        itertools.repeat(None) if each is None else torch.split(each, at_once) for each in others
+    )
+    return zip(torch.split(seen, at_once), *parts, strict=False)
 
 
 def _can_agree(world: World) -> bool:

@@ -7,7 +7,7 @@ from iout_marl.policies.baselines import Greedy, RandomWalk, RoundRobin
 from iout_marl.policies.chance import EpisodeStreams
 from iout_marl.policies.loading import AnyPolicy, as_policy, load_policy, policy_for
 from iout_marl.policies.named import BASELINES, POLICIES, make_baseline
-from iout_marl.policies.planned import BestOf, PlannerPolicy, Tour
+from iout_marl.policies.planned import BestOf, GuidedBeam, PlannerPolicy, Tour
 from iout_marl.policies.policy import Actions, Policy, chosen_by, is_deterministic, take_actions
 from iout_marl.policies.predicting import BasePolicy, ObservationPolicy
 from iout_marl.policies.returning import Return
@@ -24,6 +24,7 @@ __all__ = [
     "Budget",
     "EpisodeStreams",
     "Greedy",
+    "GuidedBeam",
     "ObservationPolicy",
     "PlannerPolicy",
     "Policy",

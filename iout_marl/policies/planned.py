@@ -9,6 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from iout_marl.errors import warn_once
+from iout_marl.policies.guided import GuidedSearch
 from iout_marl.policies.policy import Actions, Policy
 from iout_marl.policies.predicting import BasePolicy
 from iout_marl.policies.rehearsal import Rehearsal
@@ -136,6 +137,28 @@ class BestOf(_Planned):
         return Rehearsal(
             scenario, self._policy, self._episodes, mirrored=self._mirrored, seed=self._seed
         )
+
+    def _plans(self, planner: Any, states: Sequence[State]) -> list[Plan]:
+        made: list[Plan] = planner.plans(states)
+        return made
+
+
+class GuidedBeam(_Planned):
+    """A beam search in the world that a trained policy guides: see `GuidedSearch`.
+
+    Args:
+        policy: names its most probable actions, as trained ones do (`likely_actions`).
+        episodes: how many are kept in every slot, at least 1.
+    """
+
+    def __init__(self, policy: Policy, episodes: int = 16) -> None:
+        super().__init__()
+        self.name = f"{policy.name}, beam of {episodes}"
+        self._policy = policy
+        self._episodes = episodes
+
+    def _planner(self, scenario: Scenario) -> Any:
+        return GuidedSearch(scenario, self._policy, self._episodes)
 
     def _plans(self, planner: Any, states: Sequence[State]) -> list[Plan]:
         made: list[Plan] = planner.plans(states)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
@@ -40,6 +42,17 @@ class Policy(Protocol):
                 see `EpisodeStreams`.
         """
         ...
+
+
+@contextmanager
+def most_probable(policy: Any) -> Iterator[None]:
+    """Within it, a policy with an attribute `sampled` takes its most probable actions."""
+    was_sampled = policy.sampled
+    try:
+        policy.sampled = False
+        yield
+    finally:
+        policy.sampled = was_sampled
 
 
 def is_deterministic(policy: Policy) -> bool:

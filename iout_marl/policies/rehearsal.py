@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from iout_marl.policies.policy import Actions, Policy
-from iout_marl.policies.simulator import Plan, rows
+from iout_marl.policies.policy import Actions, Policy, most_probable
+from iout_marl.policies.simulator import Plan, joined, played_together, rows, slots_left
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World
 
 Integers = npt.NDArray[np.int64]
 #: Environments that are played side by side at most.
-_AT_ONCE = 1024
+AT_ONCE = 1024
 
 
 class Mirror:
@@ -83,17 +83,11 @@ class Rehearsal:
     def plans(self, states: Sequence[State]) -> list[Plan]:
         """The best of the episodes from each of the states, of one environment each."""
         # Of drawn actions, each state has those that it would have alone.
-        at_once = max(_AT_ONCE // len(self._images), 1) if self._draws_nothing else 1
-        found: list[Plan | None] = [None] * len(states)
-        by_slot: dict[int, list[int]] = {}
-        for i, state in enumerate(states):
-            by_slot.setdefault(int(state.slot[0]), []).append(i)
-        for same in by_slot.values():
-            for first in range(0, len(same), at_once):
-                group = same[first : first + at_once]
-                for i, plan in zip(group, self._together([states[i] for i in group]), strict=True):
-                    found[i] = plan
-        return [plan for plan in found if plan]
+        at_once = max(AT_ONCE // len(self._images), 1) if self._draws_nothing else 1
+        plans: dict[int, Plan] = {}
+        for group in played_together(states, at_once):
+            plans.update(zip(group, self._together([states[i] for i in group]), strict=True))
+        return [plans[i] for i in range(len(states))]
 
     @property
     def _draws_nothing(self) -> bool:
@@ -107,10 +101,10 @@ class Rehearsal:
             self._worlds[count] = world, Mirror(world, np.tile(self._images, (count, 1)))
         world, mirror = self._worlds[count]
         rng = np.random.default_rng(self._seed)
-        every = _joined(states)
+        every = joined(states)
         state = rows(every, np.repeat(np.arange(count), episodes))
         before, actions = [], []
-        for _ in range(max(world.num_slots - int(state.slot[0]), 1)):
+        for _ in range(slots_left(world, state)):
             action = self._actions(world, mirror, state, rng)
             before.append(state)
             actions.append(action)
@@ -119,7 +113,7 @@ class Rehearsal:
         best = state.age_sum.reshape(count, episodes).argmin(-1) + episodes * np.arange(count)
         return [
             Plan(
-                _joined([rows(each, np.array([env])) for each in before]),
+                joined([rows(each, np.array([env])) for each in before]),
                 played[:, env],
                 float(state.age_sum[env]),
             )
@@ -129,20 +123,11 @@ class Rehearsal:
     def _actions(
         self, world: World, mirror: Mirror, state: State, rng: np.random.Generator
     ) -> Actions:
-        policy, was_sampled = self._policy, self._policy.sampled
-        seen = mirror.state(state)
-        try:
-            policy.sampled = False
+        policy, seen = self._policy, mirror.state(state)
+        with most_probable(policy):
             action = policy.act(world, seen, rng)
             if not self._draws_nothing:
                 policy.sampled = True
                 others = policy.act(world, seen, rng)
                 action = np.concatenate([action[: self._first_drawn], others[self._first_drawn :]])
-        finally:
-            policy.sampled = was_sampled
         return mirror.action(action.astype(np.int64))
-
-
-def _joined(states: Sequence[State]) -> State:
-    """The environments of all states, one after the other."""
-    return State(*(np.concatenate(values) for values in zip(*states, strict=True)))

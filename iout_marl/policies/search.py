@@ -13,7 +13,14 @@ from iout_marl.errors import InputError
 from iout_marl.policies.beam import BeamSearch, Weights
 from iout_marl.policies.policy import Policy, chosen_by
 from iout_marl.policies.routes import Gait, tours
-from iout_marl.policies.simulator import Integers, Plan, Simulator, rows, with_nodes
+from iout_marl.policies.simulator import (
+    Integers,
+    Plan,
+    Simulator,
+    rows,
+    slots_left,
+    with_nodes,
+)
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World
 
@@ -137,7 +144,7 @@ class Planner:
         routes = tours(
             table[np.sort(state.node_cell[0])],
             table[motion.heading(state)[0]],
-            max(world.num_slots - int(state.slot[0]), 1),
+            slots_left(world, state),
             world.grid.shape,
             Gait(world.scenario.auvs.motion.part.can_rest, *motion.pace.along_axes(motion.steps)),
             state.transit_slots[0] if motion.takes_slots else 0,
@@ -163,7 +170,7 @@ class Planner:
         """The actions, (slots, auvs, entries), of a policy from a state on."""
         world, rng = World(self._scenario), np.random.default_rng(self._seed)
         actions = []
-        for _ in range(max(world.num_slots - int(state.slot[0]), 1)):
+        for _ in range(slots_left(world, state)):
             actions.append(chosen_by(policy, world, state, rng))
             state, _ = world.step(state, actions[-1], world.expected)
         return np.concatenate(actions).astype(np.int64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -77,13 +78,37 @@ class Simulator:
         for action in actions:
             states.append(state)
             state = self.step(state, action[None])
-        before = State(*(np.concatenate(values) for values in zip(*states, strict=True)))
-        return Plan(before, actions, float(state.age_sum[0]))
+        return Plan(joined(states), actions, float(state.age_sum[0]))
 
 
 def rows(state: State, index: Integers) -> State:
     """The states of those environments."""
     return state.map(lambda array: array[index])
+
+
+def joined(states: Sequence[State]) -> State:
+    """The environments of all states, one after the other."""
+    return State(*(np.concatenate(values) for values in zip(*states, strict=True)))
+
+
+def played_together(states: Sequence[State], at_once: int) -> Iterator[list[int]]:
+    """The numbers of those states that can be played on from side by side: of the same slot.
+
+    Args:
+        states: of one environment each.
+        at_once: how many at most.
+    """
+    by_slot: dict[int, list[int]] = {}
+    for number, state in enumerate(states):
+        by_slot.setdefault(int(state.slot[0]), []).append(number)
+    for same in by_slot.values():
+        for first in range(0, len(same), at_once):
+            yield same[first : first + at_once]
+
+
+def slots_left(world: World, state: State) -> int:
+    """How many slots are to be planned from states of one slot; at least one."""
+    return max(world.num_slots - int(state.slot[0]), 1)
 
 
 def with_nodes(state: State, order: Integers) -> State:

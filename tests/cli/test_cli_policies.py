@@ -147,6 +147,33 @@ class TestSampled:
         assert line.startswith("--sampled: none of the policies is a trained one")
 
 
+class TestSearch:
+    def test_is_no_worse(self, iout, tmp_path):
+        target = tmp_path / "found.json"
+        words = ["--policy", "pretrained", "--policy", "greedy", "--episodes", 1]
+        found = []
+        for search in ([], ["--beam", 2]):
+            status, out, _ = iout("evaluate", "best/k5-tdd", *words, *search, "--json", target)
+            assert status == 0
+            found.append([r["metrics"]["mean_aoi"]["mean"] for r in json.loads(target.read_text())])
+        assert "pretrained, beam of 2" in out
+        assert found[1][0] < found[0][0]
+        assert found[1][1] == found[0][1]
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (["greedy", "--beam", 2], "--beam: none of the policies is a trained one"),
+            (["pretrained", "--beam", 2, "--sampled"], "--beam: draws what it needs itself"),
+            (["pretrained", "--beam", 2, "--mirrored"], "--beam: is a search of its own; leave"),
+            (["pretrained", "--best-of", 2, "--sampled"], "--best-of: draws what it needs itself"),
+            (["pretrained", "--beam", 0], "Invalid value for '--beam': must be at least 1"),
+        ],
+    )
+    def test_refused(self, refused, words, message):
+        assert message in refused("evaluate", "paper/k3-fdd", "--policy", *words)
+
+
 class TestNames:
     def test_that_look_like_markup_are_shown_as_they_are(self, iout, by_run, runs):
         status, out, _ = iout("evaluate", *by_run, *policies(*runs, "greedy"), "--episodes", 2)

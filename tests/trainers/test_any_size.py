@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from iout_marl import evaluate, iout_v0, load_policy, load_scenario
+from iout_marl import evaluate, iout_v0, load_policy, load_scenario, pretrained
 from iout_marl.errors import InputError
-from iout_marl.policies import BestOf
+from iout_marl.policies import BestOf, GuidedBeam
+from iout_marl.policies.guided import GuidedSearch
 from iout_marl.policies.rehearsal import Mirror
 from iout_marl.world import World
 from trainers import Trainer, train, trained
@@ -203,6 +204,35 @@ def test_best_of(run):
     assert found[0] == found[1] > found[2]
     assert found[0] >= found[3]
     assert not policy.sampled
+
+
+@pytest.mark.parametrize("scenario", ["random/k3-tdd", "multi/m2-k10-fdd"])
+def test_guided_beam(scenario):
+    """No worse than the policy, the same in any company, and played as it was planned."""
+    policy = pretrained()
+    settings = {"nodes": {"kind": "random", "count": 3}, "episode.duration_s": 1500}
+    world = World(load_scenario(scenario, settings), 3)
+    start = world.reset(seed=2)
+    states = [start.map(lambda array, env=env: array[[env]]) for env in range(3)]
+    search = GuidedSearch(world.scenario, policy, 2)
+    plans = search.plans(states)
+    assert search.plans(states[1:2])[0].age_sum == plans[1].age_sum
+    plain = planned = start
+    for slot in range(world.num_slots):
+        actions = np.array([plan.actions[slot] for plan in plans])
+        assert (np.array([plan.states.cell[slot] for plan in plans]) == planned.cell).all()
+        planned, _ = world.step(planned, actions)
+        plain, _ = world.step(plain, policy.act(world, plain, np.random.default_rng(0)))
+    assert planned.age_sum.tolist() == [plan.age_sum for plan in plans]
+    assert (planned.age_sum <= plain.age_sum).all()
+    assert (planned.age_sum < plain.age_sum).any()
+
+
+def test_guided_beam_of_a_network_for_observations():
+    """Guided by what was trained on one scenario alone."""
+    policy = Trainer("paper/k3-tdd", overrides={"training.steps": 1}).policy()
+    plain = evaluate("paper/k3-tdd", policy, 1).samples["mean_aoi"][0]
+    assert evaluate("paper/k3-tdd", GuidedBeam(policy, 2), 1).samples["mean_aoi"][0] < plain
 
 
 def test_mirror_images(run):
