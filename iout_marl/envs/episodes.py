@@ -47,6 +47,8 @@ INFO_KEYS = {
     "beta": "share of the last slot in which the AUV charged, in TDD; 0 in FDD",
     "age_violations": "node-slots so far in which an age would have passed its maximum",
 }
+#: Those of them that each AUV has of its own.
+OWN_INFO_KEYS = ("harvested_j", "delivered", "beta")
 #: Those of them that a state has, with their names there.
 _STATE_FIELDS = {
     "aoi_now": "mean_age",

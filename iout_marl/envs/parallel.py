@@ -12,7 +12,7 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from iout_marl.envs.arguments import RENDER_MODES, options_of, seed_of
-from iout_marl.envs.episodes import EpisodeBatch
+from iout_marl.envs.episodes import OWN_INFO_KEYS, EpisodeBatch
 from iout_marl.errors import InputError, did_you_mean
 from iout_marl.scenario import AnyScenario, Overrides
 from iout_marl.whole import short
@@ -140,7 +140,8 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         if len(actions) > len(agents):
             for agent in actions:
                 self._known(agent)
-        rewards = self._episodes.step(np.array([[self._own_action(actions, a) for a in agents]]))
+        own = [self._own_action(actions, a) for a in agents]
+        rewards = self._episodes.step(own[0][None, None] if len(own) == 1 else np.array([own]))
         over = self._episodes.is_over
         result = (
             self._observations(),
@@ -180,12 +181,11 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
     def _infos(self) -> dict[str, Info]:
         #: A number for all agents, or one for each of them in a list.
         values = self._episodes.info_of_first()
-        own = {name: value for name, value in values.items() if isinstance(value, list)}
         infos: dict[str, Info] = {}
         for i, agent in enumerate(self.agents):
-            infos[agent] = info = dict(values)
-            for name, value in own.items():
-                info[name] = float(value[i])
+            infos[agent] = info = values.copy()
+            for name in OWN_INFO_KEYS:
+                info[name] = float(values[name][i])
         if self._episodes.mask_place == "info":
             for agent, mask in zip(self.agents, self._episodes.masks()[0], strict=True):
                 infos[agent]["action_mask"] = mask

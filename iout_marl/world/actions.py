@@ -117,7 +117,8 @@ class ActionCheck:
         taken = values.astype(np.int64, copy=False)
         # Read without a sign, what is negative is beyond every size.
         inside = taken.view(np.uint64) < self._ends
-        if not inside.all():
+        # Of a few numbers in a third of the time that `all` takes.
+        if np.count_nonzero(inside) < inside.size:
             env, auv = np.argwhere(~inside.all(-1))[0]
             whose = "" if self._shape[:2] == (1, 1) else f"environment {env}, auv_{auv}: "
             raise InputError(
