@@ -6,6 +6,7 @@ Every API class is a thin translation of this class into another API.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from iout_marl.envs.stepper import ArrayStepper, CompiledStepper, Stepper, Trace
 from iout_marl.errors import InputError
 from iout_marl.render import Snapshot, as_picture, as_text, print_text
 from iout_marl.scenario import AnyScenario, Overrides, load_scenario
-from iout_marl.tracing.unrolled import pays_unrolled, unrolled_slot
+from iout_marl.tracing.unrolled import UnrolledSlot, pays_unrolled, unrolled_slot
 from iout_marl.world import (
     ChanceStream,
     Events,
@@ -126,6 +127,7 @@ class EpisodeBatch:
         # A world holds its array library, which cannot be copied, nor can a function made
         # of it; but they hold nothing that changes, either.
         state = {**vars(self), "world": None, "_stepper": None, "_choice": None}
+        state.pop("_unrolled", None)
         summed = tuple(metric.name for metric in self.world.summed)
         return state | {
             "_played": self._stepper and (self._stepper.state, self._stepper.events, summed)
@@ -140,12 +142,17 @@ class EpisodeBatch:
             before, events, summed = played
             self._stepper = self._stepper_from(self.world.with_sums_of(before, summed), events)
 
+    @cached_property
+    def _unrolled(self) -> UnrolledSlot | None:
+        """A slot for a single environment, where there is one."""
+        if self._num_envs > 1 or not pays_unrolled(self.scenario):
+            return None
+        return unrolled_slot(
+            self.scenario, with_mask=self.mask_place != "none", summed=self.world.summed
+        )
+
     def _stepper_from(self, state: State, events: Events | None = None) -> Stepper:
-        slot = None
-        if self._num_envs == 1 and pays_unrolled(self.scenario):
-            slot = unrolled_slot(
-                self.scenario, with_mask=self.mask_place != "none", summed=self.world.summed
-            )
+        slot = self._unrolled
         # Of many numbers a slot takes longer number by number than it does compiled.
         is_quick = self.world.num_auvs == 1 and self.world.num_nodes < _NODES_COMPILED
         choice = None if is_quick and slot is not None else self._choice
