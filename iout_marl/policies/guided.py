@@ -12,13 +12,14 @@ from iout_marl.policies.rehearsal import AT_ONCE, Rehearsal
 from iout_marl.policies.simulator import (
     Integers,
     Plan,
+    Worlds,
     joined,
     played_together,
     rows,
     slots_left,
 )
 from iout_marl.scenario import Scenario
-from iout_marl.world import State, World
+from iout_marl.world import State
 
 #: In how many ways every episode that is kept is continued,
 CHOICES = 4
@@ -40,11 +41,10 @@ class GuidedSearch:
     """
 
     def __init__(self, scenario: Scenario, policy: Policy, episodes: int) -> None:
-        self._scenario = scenario
         self._policy: Any = policy
         self._episodes = episodes
         self._unguided = Rehearsal(scenario, policy, 1, mirrored=False, seed=0)
-        self._worlds: dict[int, World] = {}
+        self._worlds = Worlds(scenario)
 
     def plans(self, states: Sequence[State]) -> list[Plan]:
         """The best episode found from each of the states, of one environment each.
@@ -63,11 +63,11 @@ class GuidedSearch:
         kept = np.repeat(np.arange(len(states)), self._episodes)
         beam, layout = rows(joined(states), kept), kept
         before, actions, parents = [], [], []
-        for left in range(slots_left(self._world(len(beam.cell)), beam), 0, -1):
+        for left in range(slots_left(self._worlds.of(len(beam.cell)), beam), 0, -1):
             likely = self._likely(beam)
             parent = np.repeat(np.arange(len(likely)), likely.shape[1])
             action = likely.reshape(-1, *likely.shape[2:])
-            after = self._step(rows(beam, parent), action)
+            after = self._worlds.step(rows(beam, parent), action)
             ages = self._age_sum_ahead(after, min(AHEAD_SLOTS, left - 1))
             kept = self._best(layout[parent], ages, after)
             before.append(beam)
@@ -79,16 +79,17 @@ class GuidedSearch:
         return [_traced(int(end), before, actions, parents, beam) for end in ends]
 
     def _likely(self, state: State) -> Integers:
-        world = self._world(len(state.cell))
+        world = self._worlds.of(len(state.cell))
         likely: Integers = self._policy.likely_actions(world, state, CHOICES).astype(np.int64)
         return likely
 
     def _age_sum_ahead(self, state: State, slots: int) -> Any:
         """The sums of ages, (envs,), after the policy has played on for so many slots."""
-        world, rng = self._world(len(state.cell)), np.random.default_rng(0)
+        world, rng = self._worlds.of(len(state.cell)), np.random.default_rng(0)
         with most_probable(self._policy):
             for _ in range(slots):
-                state = self._step(state, self._policy.act(world, state, rng))
+                action = self._policy.act(world, state, rng).astype(np.int64)
+                state = self._worlds.step(state, action)
         return state.age_sum
 
     def _best(self, layout: Integers, ages: Any, after: State) -> Integers:
@@ -106,15 +107,6 @@ class GuidedSearch:
                 for each in np.unique(layout)
             ]
         )
-
-    def _step(self, state: State, action: Integers) -> State:
-        world = self._world(len(state.cell))
-        return world.step(state, action.astype(np.int64), world.expected)[0]
-
-    def _world(self, environments: int) -> World:
-        if environments not in self._worlds:
-            self._worlds[environments] = World(self._scenario, environments, measured=())
-        return self._worlds[environments]
 
 
 def _traced(

@@ -26,6 +26,29 @@ class Plan(NamedTuple):
     age_sum: float  # at the end, see `State`
 
 
+class Worlds:
+    """A scenario's worlds, by how many episodes are played side by side.
+
+    Args:
+        scenario: the scenario.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._known: dict[int, World] = {}
+
+    def of(self, count: int) -> World:
+        """The world of so many environments."""
+        if count not in self._known:
+            self._known[count] = World(self._scenario, count, measured=())
+        return self._known[count]
+
+    def step(self, state: State, action: Integers) -> State:
+        """The states after one slot, by the rules of `World.step`; of chance, the expected."""
+        world = self.of(len(action))
+        return world.step(state, action, world.expected)[0]
+
+
 class Simulator:
     """Plays episodes of a scenario, as many side by side as there are states.
 
@@ -40,12 +63,13 @@ class Simulator:
     def __init__(self, scenario: Scenario) -> None:
         # What is of no matter to a plan costs time in every step.
         unseen: dict[str, Any] = {"observation.view_range_m": None, "observation.entries": []}
-        self._scenario = load_scenario(scenario, unseen)
-        self.world = World(self._scenario, measured=())
+        worlds = Worlds(load_scenario(scenario, unseen))
+        self.world = worlds.of(1)
         self.urgency_exponents = (
             URGENCY_EXPONENTS if self.world.duplex.num_choices == 1 else URGENCY_EXPONENTS[:1]
         )
-        self._worlds: dict[int, World] = {1: self.world}
+        #: The states after one slot, see `Worlds.step`.
+        self.step = worlds.step
 
     def towards(self, state: State, target: Integers) -> Integers:
         """The directions, in the grid, that end nearest to the targets; (envs, auvs) each.
@@ -63,14 +87,6 @@ class Simulator:
         nodes = greedy_action(self.world, state, cell, self.urgency_exponents)
         directions = np.broadcast_to(direction[..., None], (*nodes.shape[:-1], 1))
         return np.concatenate([directions, nodes], axis=-1)
-
-    def step(self, state: State, action: Integers) -> State:
-        """The states after one slot, by the rules of `World.step`; of chance, the expected."""
-        count = len(action)
-        if count not in self._worlds:
-            self._worlds[count] = World(self._scenario, count, measured=())
-        world = self._worlds[count]
-        return world.step(state, action, world.expected)[0]
 
     def replay(self, state: State, actions: Integers) -> Plan:
         """The plan that (slots, auvs, entries) actions make from a state of one environment."""
