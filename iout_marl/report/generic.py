@@ -46,7 +46,7 @@ def generic_report(results: Results) -> Report:
     if best is not None:
         lead.append(
             f"The lowest {first.heading}, {metric_mean(best[0], first.name)}, is that of "
-            f"{best[1]} at {results.axis.label} = {results.place_text(best[2])}."
+            f"{best[1]} ({results.axis.label}: {results.place_text(best[2])})."
         )
     lead += gap_lead(results)
     others = results.metrics[len(METRICS) :]
