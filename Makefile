@@ -65,18 +65,19 @@ reproduce: $(EMISSIONS)
 	$(BIN)/iout reproduce
 
 # Both side by side; what was stopped goes on.
-PRETRAINED := runs/pretrained
+WEIGHTS := runs/weights
 pretrained: $(RUNTIME)
 	@for mode in fdd tdd; do \
-		how=--out; test -e $(PRETRAINED)/$$mode/scenario.yaml && how=--resume; \
-		$(BIN)/iout train pretrained/$$mode $$how $(PRETRAINED)/$$mode & \
+		how=--out; test -e $(WEIGHTS)/$$mode/scenario.yaml && how=--resume; \
+		$(BIN)/iout train pretrained/$$mode $$how $(WEIGHTS)/$$mode & \
 		pids="$$pids $$!"; \
 	done; for pid in $$pids; do wait $$pid || exit; done
-	$(BIN)/python -m trainers.pretraining $(PRETRAINED)/fdd $(PRETRAINED)/tdd
+	$(BIN)/python -m trainers.pretraining $(WEIGHTS)/fdd $(WEIGHTS)/tdd
 
 # Tables that the software makes of itself, and the pages of the committed results;
 # RESULTS=runs/paper, MULTI=runs/multi, GAP=runs/gap, FAIRNESS=runs/fairness, BAY=runs/bay,
-# SEA=runs/sea, LIFE=runs/sea-life and DEPLOYMENTS=runs/sea-deployments take over those of new runs.
+# SEA=runs/sea, PRETRAINED=runs/pretrained, LIFE=runs/sea-life and DEPLOYMENTS=runs/sea-deployments
+# take over those of new runs.
 define TAKE
 	$(if $($(1)),mkdir -p docs/$(2) && cp $($(1))/results.json $($(1))/results.csv docs/$(2)/)
 
@@ -93,6 +94,7 @@ docs: $(RUNTIME)
 	$(call PAGE,FAIRNESS,fairness,fairness-results)
 	$(call PAGE,BAY,bay,bay-results)
 	$(call PAGE,SEA,sea,sea-results)
+	$(call PAGE,PRETRAINED,pretrained,pretrained-results)
 	$(call TAKE,LIFE,sea-life)
 	$(call TAKE,DEPLOYMENTS,sea-deployments)
 	$(BIN)/python docs/tables.py

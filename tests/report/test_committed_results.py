@@ -28,6 +28,7 @@ COMMITTED = {
     "fairness": ("fairness", "fairness-results.md"),
     "bay": ("bay", "bay-results.md"),
     "sea": ("sea", "sea-results.md"),
+    "pretrained": ("pretrained", "pretrained-results.md"),
 }
 #: Of these only tables are shown, in pages of other names.
 TABLED = ("sea-life", "sea-deployments")
