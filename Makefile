@@ -94,7 +94,7 @@ docs: $(RUNTIME)
 	$(call PAGE,FAIRNESS,fairness,fairness-results)
 	$(call PAGE,BAY,bay,bay-results)
 	$(call PAGE,SEA,sea,sea-results)
-	$(call PAGE,PRETRAINED,pretrained,pretrained-results)
+	$(call TAKE,PRETRAINED,pretrained)
 	$(call TAKE,LIFE,sea-life)
 	$(call TAKE,DEPLOYMENTS,sea-deployments)
 	$(BIN)/python docs/tables.py

@@ -14,6 +14,7 @@ from typing import Any
 from command_tables import commands_reference
 from environment_tables import entries_tables, node_table, spaces_tables
 from markdown_tables import numeral, page_of, table
+from pretrained_tables import elsewhere_table, layouts_table, teams_table, unseen_table
 from sea_tables import (
     conclusions_table,
     deployments_tables,
@@ -260,6 +261,10 @@ TABLES: dict[str, tuple[Path, Callable[[], str]]] = {
     "scenario": (HERE / "scenario.md", scenario_reference),
     "steps": (HERE / "at-sea.md", steps_tables),
     "spaces": (HERE / "environment.md", spaces_tables),
+    "pretrained elsewhere": (HERE / "pretrained.md", elsewhere_table),
+    "pretrained layouts": (HERE / "pretrained.md", layouts_table),
+    "pretrained teams": (HERE / "pretrained.md", teams_table),
+    "pretrained unseen": (HERE / "pretrained.md", unseen_table),
     "pretrained-card": (HERE / "pretrained.md", pretrained_card),
     "node-table": (HERE / "environment.md", node_table),
 }

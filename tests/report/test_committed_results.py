@@ -28,10 +28,9 @@ COMMITTED = {
     "fairness": ("fairness", "fairness-results.md"),
     "bay": ("bay", "bay-results.md"),
     "sea": ("sea", "sea-results.md"),
-    "pretrained": ("pretrained", "pretrained-results.md"),
 }
 #: Of these only tables are shown, in pages of other names.
-TABLED = ("sea-life", "sea-deployments")
+TABLED = ("pretrained", "sea-life", "sea-deployments")
 
 
 @functools.cache
