@@ -122,6 +122,8 @@ class EpisodeBatch:
         self._chance: ChanceStream | None = None
         #: Whether some were restarted without the others.
         self._is_apart = False
+        #: In the first environment.
+        self._slots_over = 0
 
     def __getstate__(self) -> dict[str, Any]:
         # A world holds its array library, which cannot be copied, nor can a function made
@@ -208,7 +210,7 @@ class EpisodeBatch:
             self._chance = ChanceStream(self.scenario, self._rngs)
         current = self._first_of_current(list(range(self._num_envs)))
         self._stepper = self._stepper_from(self.world.reset(self._layout, current=current))
-        self._show()
+        self._arrive()
 
     def _restart(self, seeds: Sequence[int | None] | None, where: npt.NDArray[np.bool_]) -> None:
         before, events = self.current, self._running.events
@@ -228,7 +230,7 @@ class EpisodeBatch:
         first = self.world.reset(self._layout, current=self._first_of_current(rows))
         state = State(*(_written(old, new, where) for old, new in zip(before, first, strict=True)))
         self._stepper, self._is_apart = self._stepper_from(state, events), bool(state.slot.any())
-        self._show()
+        self._arrive()
 
     def _first_of_current(self, rows: list[int]) -> npt.NDArray[np.float64] | None:
         """As `first_of_current`, drawn for some environments alone."""
@@ -301,7 +303,7 @@ class EpisodeBatch:
             raise RuntimeError("the episode is over: call reset() first")
         chance = None if self._chance is None else next(self._chance)
         reward = stepper.step(self._check(action), chance)
-        self._show()
+        self._arrive()
         return reward
 
     @property
@@ -315,10 +317,6 @@ class EpisodeBatch:
         if not self._is_apart:
             return np.full(self._num_envs, self.is_over)
         return np.asarray(self._running.now("slot") >= self.world.num_slots)
-
-    @property
-    def _slots_over(self) -> int:
-        return int(self._running.first_now("slot"))
 
     def observe(self) -> FloatArray:
         """(envs, auvs, entries) observations as vectors; a fresh array each time."""
@@ -412,8 +410,9 @@ class EpisodeBatch:
         snapshot = self._snapshot(env)
         return as_text(snapshot) if self.render_mode == "ansi" else as_picture(snapshot)
 
-    def _show(self) -> None:
-        """In mode `human`, print every environment to the terminal."""
+    def _arrive(self) -> None:
+        """Count the slots that are over; in mode `human`, print every environment."""
+        self._slots_over = int(self._running.first_now("slot"))
         if self.render_mode == "human":
             for env in range(self.world.num_envs):
                 print_text(as_text(self._snapshot(env)))
