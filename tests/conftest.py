@@ -35,12 +35,6 @@ def pytest_configure():
     os.environ.pop("PYTHONUNBUFFERED", None)
 
 
-@pytest.hookimpl(wrapper=True, optionalhook=True)
-def pytest_xdist_auto_num_workers():
-    """One worker more than there are cores: some tests wait for other processes and browsers."""
-    return (yield) + 1
-
-
 #: What is about shells, pseudo-terminals, forks and signals between processes from its first line.
 OF_POSIX = [
     "cli/test_cli_streams.py",

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from iout_marl.errors import warn_once
+from iout_marl.errors import InputError, InputTypeError, warn_once
 from iout_marl.policies.guided import GuidedSearch
 from iout_marl.policies.policy import Actions, Policy
 from iout_marl.policies.predicting import BasePolicy
@@ -122,12 +122,17 @@ class BestOf(_Planned):
         mirrored: play ahead in the seven other mirror images of the world, too, by the most
             probable actions.
         seed: of what is drawn.
+
+    Raises:
+        InputError: there is to be no episode.
+        InputTypeError: it is no such policy.
     """
 
     def __init__(
         self, policy: Policy, episodes: int = 1, *, mirrored: bool = False, seed: int = 0
     ) -> None:
         super().__init__(seed=seed)
+        _check_search("BestOf", policy, "sampled", episodes)
         ways = [f"best of {episodes}"] * (episodes > 1) + ["mirrored"] * mirrored
         self.name = ", ".join([policy.name, *ways])
         self._policy = policy
@@ -149,10 +154,14 @@ class GuidedBeam(_Planned):
     Args:
         policy: names its most probable actions, as trained ones do (`likely_actions`).
         episodes: how many are kept in every slot, at least 1.
+
+    Raises:
+        InputError, InputTypeError: as of `BestOf`.
     """
 
     def __init__(self, policy: Policy, episodes: int = 16) -> None:
         super().__init__()
+        _check_search("GuidedBeam", policy, "likely_actions", episodes)
         self.name = f"{policy.name}, beam of {episodes}"
         self._policy = policy
         self._episodes = episodes
@@ -163,6 +172,20 @@ class GuidedBeam(_Planned):
     def _plans(self, planner: Any, states: Sequence[State]) -> list[Plan]:
         made: list[Plan] = planner.plans(states)
         return made
+
+
+def _check_search(who: str, policy: Policy, needs: str, episodes: int) -> None:
+    """Refuse a policy that was not trained, and no episodes.
+
+    Raises:
+        InputError, InputTypeError: as of `BestOf`.
+    """
+    if not hasattr(policy, needs):
+        raise InputTypeError(
+            f"{who}: needs a trained policy, with {needs}, not {getattr(policy, 'name', policy)}"
+        )
+    if episodes < 1:
+        raise InputError(f"{who}: needs at least one episode, not {episodes}")
 
 
 def _foreseen(plan: Plan | None, state: State, *, by_time: bool) -> int | None:

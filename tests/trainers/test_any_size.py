@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from iout_marl import evaluate, iout_v0, load_policy, load_scenario, pretrained
-from iout_marl.errors import InputError
-from iout_marl.policies import BestOf, GuidedBeam
+from iout_marl.errors import InputError, InputTypeError
+from iout_marl.policies import BestOf, GuidedBeam, make_baseline
 from iout_marl.policies.guided import GuidedSearch
 from iout_marl.policies.rehearsal import Mirror
 from iout_marl.world import World
@@ -233,6 +233,14 @@ def test_guided_beam_of_a_network_for_observations():
     policy = Trainer("paper/k3-tdd", overrides={"training.steps": 1}).policy()
     plain = evaluate("paper/k3-tdd", policy, 1).samples["mean_aoi"][0]
     assert evaluate("paper/k3-tdd", GuidedBeam(policy, 2), 1).samples["mean_aoi"][0] < plain
+
+
+@pytest.mark.parametrize("search", [BestOf, GuidedBeam])
+def test_only_trained_policies_search(search):
+    with pytest.raises(InputTypeError, match=rf"{search.__name__}: needs a trained policy.*greedy"):
+        search(make_baseline("greedy"))
+    with pytest.raises(InputError, match="at least one episode, not 0"):
+        search(pretrained(), 0)
 
 
 def test_mirror_images(run):
