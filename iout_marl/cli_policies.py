@@ -46,7 +46,7 @@ class Ahead(NamedTuple):
         if not any(map(is_trained, names)):
             raise InputError(f"{self.option}: none of the policies is a trained one")
         if sampled:
-            raise InputError(f"{self.option}: draws what it needs itself; leave out --sampled")
+            raise InputError(f"{self.option}: decides itself what is drawn; leave out --sampled")
         other = self._replace(beam=None).option
         if self.beam and other:
             raise InputError(f"--beam: is a search of its own; leave out {other}")

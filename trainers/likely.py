@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from trainers.networks import ActorCritic
+from trainers.networks import IMPOSSIBLE, ActorCritic
 
 
 def likely_actions(
@@ -20,7 +20,8 @@ def likely_actions(
         network: the networks.
         inputs: (…, entries) scaled observations.
         mask: (…, choices) bool; None where everything is allowed.
-        number: how many, at most; there may be fewer.
+        number: how many, at most; there may be fewer. Where fewer are allowed, the most probable
+            one stands in the place of the others.
 
     Returns:
         (…, number, action entries) actions and (…, number) log-probabilities.
@@ -37,7 +38,9 @@ def likely_actions(
         found, parent, choice = _best(found[..., None] + of_entry, number)
         actions = actions.gather(-2, parent[..., None].expand(*parent.shape, entries))
         actions[..., entry] = choice
-    return actions, found
+    is_allowed = found > IMPOSSIBLE / 2
+    actions = torch.where(is_allowed[..., None], actions, actions[..., :1, :])
+    return actions, torch.where(is_allowed, found, found[..., :1])
 
 
 def likely_together(actions: Tensor, log_probability: Tensor) -> Tensor:

@@ -79,11 +79,13 @@ class TrainedPolicy(BasePolicy):
 
     @torch.inference_mode()
     def likely_actions(self, world: World, state: State, number: int) -> Actions:
-        """The most probable actions of all AUVs together, but for the first, which `act` takes.
+        """What all AUVs together would do, and what else they would most probably do.
+
+        Only the first is agreed upon, see `trainers.agreement`.
 
         Args:
             world, state: as for `act`.
-            number: how many to name.
+            number: how many to name: the most probable actions, of which `act` takes the first.
 
         Returns:
             (envs, number, auvs, entries), fewer where there are no more.
@@ -96,10 +98,15 @@ class TrainedPolicy(BasePolicy):
             likely_together(*likely_actions(network, part, its_mask, number))
             for part, its_mask in _in_parts(network, inputs, allowed, rows=number)
         ]
-        others = torch.cat(found)[:, : number - 1].cpu().numpy()
+        likely = torch.cat(found).cpu().numpy()
         with most_probable(self):
-            own = self.act(world, state, np.random.default_rng())
-        return np.concatenate([own[:, None], others], axis=1)
+            own = self.act(world, state, np.random.default_rng())[:, None]
+        # Where it is among them, in the last place, of which there is none for it.
+        is_own = (likely == own).all((-1, -2))
+        others = np.take_along_axis(
+            likely, is_own.argsort(axis=1, kind="stable")[:, : number - 1, None, None], axis=1
+        )
+        return np.concatenate([own, others], axis=1)
 
     def _seen(
         self, world: World, state: State

@@ -122,7 +122,7 @@ class EpisodeBatch:
         self._chance: ChanceStream | None = None
         #: Whether some were restarted without the others.
         self._is_apart = False
-        #: In the first environment.
+        #: In the first environment; 0 before the first reset.
         self._slots_over = 0
 
     def __getstate__(self) -> dict[str, Any]:
@@ -308,7 +308,7 @@ class EpisodeBatch:
 
     @property
     def is_over(self) -> bool:
-        """Whether the episodes have reached their time limit, that of the first one."""
+        """Whether the first episode has reached the time limit; False before the first reset."""
         return self._slots_over >= self.world.num_slots
 
     @property

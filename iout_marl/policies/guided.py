@@ -22,7 +22,7 @@ from iout_marl.scenario import Scenario
 from iout_marl.world import State
 
 #: In how many ways every episode that is kept is continued,
-CHOICES = 4
+CHOICES = 3
 #: and for how many slots the policy then plays on, before the best are kept.
 AHEAD_SLOTS = 12
 
@@ -49,7 +49,7 @@ class GuidedSearch:
     def plans(self, states: Sequence[State]) -> list[Plan]:
         """The best episode found from each of the states, of one environment each.
 
-        None is worse than what the policy itself plays.
+        None is worse than what the policy itself plays, by `World.expected` where there is chance.
         """
         plans = self._unguided.plans(states)
         for group in played_together(states, max(AT_ONCE // (self._episodes * CHOICES), 1)):

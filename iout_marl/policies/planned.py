@@ -20,8 +20,8 @@ from iout_marl.world import State, World
 
 #: What should be known of plans where slots are left to chance.
 _BY_THE_EXPECTED = (
-    "tour and planner plan for the median sea and expected deliveries, and are then played in the "
-    "sea as it is drawn, without planning anew"
+    "searches (tour, planner, best of, beam) plan for the median sea and expected deliveries, and "
+    "their plans are then played in the sea as it is drawn, without planning anew"
 )
 
 
@@ -110,7 +110,15 @@ class PlannerPolicy(_Planned):
     searches = True
 
 
-class BestOf(_Planned):
+class _PlayedAhead(_Planned):
+    """Plans all layouts of a slot together, by what a trained policy does."""
+
+    def _plans(self, planner: Any, states: Sequence[State]) -> list[Plan]:
+        made: list[Plan] = planner.plans(states)
+        return made
+
+
+class BestOf(_PlayedAhead):
     """The best of several episodes that a trained policy plays ahead, from the same state.
 
     In the first it takes the most probable actions, in the others it draws them. The best is the
@@ -143,12 +151,8 @@ class BestOf(_Planned):
             scenario, self._policy, self._episodes, mirrored=self._mirrored, seed=self._seed
         )
 
-    def _plans(self, planner: Any, states: Sequence[State]) -> list[Plan]:
-        made: list[Plan] = planner.plans(states)
-        return made
 
-
-class GuidedBeam(_Planned):
+class GuidedBeam(_PlayedAhead):
     """A beam search in the world that a trained policy guides: see `GuidedSearch`.
 
     Args:
@@ -168,10 +172,6 @@ class GuidedBeam(_Planned):
 
     def _planner(self, scenario: Scenario) -> Any:
         return GuidedSearch(scenario, self._policy, self._episodes)
-
-    def _plans(self, planner: Any, states: Sequence[State]) -> list[Plan]:
-        made: list[Plan] = planner.plans(states)
-        return made
 
 
 def _check_search(who: str, policy: Policy, needs: str, episodes: int) -> None:

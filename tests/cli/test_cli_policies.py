@@ -164,9 +164,12 @@ class TestSearch:
         ("words", "message"),
         [
             (["greedy", "--beam", 2], "--beam: none of the policies is a trained one"),
-            (["pretrained", "--beam", 2, "--sampled"], "--beam: draws what it needs itself"),
+            (["pretrained", "--beam", 2, "--sampled"], "--beam: decides itself what is drawn"),
             (["pretrained", "--beam", 2, "--mirrored"], "--beam: is a search of its own; leave"),
-            (["pretrained", "--best-of", 2, "--sampled"], "--best-of: draws what it needs itself"),
+            (
+                ["pretrained", "--best-of", 2, "--sampled"],
+                "--best-of: decides itself what is drawn",
+            ),
             (["pretrained", "--beam", 0], "Invalid value for '--beam': must be at least 1"),
         ],
     )

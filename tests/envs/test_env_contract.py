@@ -371,6 +371,22 @@ def test_actions_may_be_of_any_integer_type(dtype):
     np.testing.assert_array_equal(observations["auv_0"][:3], [5, 5, 1])
 
 
+@pytest.mark.parametrize("observation", ["entries", "table"])
+@pytest.mark.parametrize("make", [AUVEnv, AUVParallelEnv, lambda s: AUVVectorEnv(s, num_envs=2)])
+def test_what_was_done_stays_whatever_becomes_of_the_callers_array(make, observation):
+    overrides = {} if observation == "entries" else {"observation": {"kind": observation}}
+    env = make(load_scenario("paper/k3-fdd", overrides))
+    env.reset(seed=0)
+    is_parallel = isinstance(env, AUVParallelEnv)
+    action = np.zeros_like(
+        env.action_space("auv_0").sample() if is_parallel else env.action_space.sample()
+    )
+    env.step({"auv_0": action} if is_parallel else action)
+    before = env.episodes.last_events.heard.copy()
+    action[:] = 2
+    assert (env.episodes.last_events.heard == before).all()
+
+
 @pytest.mark.parametrize("make", [iout_v0.parallel_env, AUVEnv])
 def test_step_before_reset_is_refused(make):
     with pytest.raises(RuntimeError, match=r"reset\(\) first"):

@@ -10,6 +10,7 @@ from iout_marl import load_scenario
 from iout_marl.world import World
 from trainers import Trainer
 from trainers.likely import likely_actions, likely_together
+from trainers.networks import IMPOSSIBLE
 
 SET = {"kind": "set", "width": 8, "blocks": 1, "heads": 2, "pair_width": 4, "critic_width": 8}
 NETWORKS = {
@@ -49,6 +50,8 @@ def test_likely_actions(played):
     actions, found = likely_actions(network, inputs, allowed, len(every) + 1)
     assert actions.shape == (*shape, 3)
     ordered = expected.sort(-1, descending=True).values
+    # The most probable one in the place of those that are masked.
+    ordered = torch.where(ordered > IMPOSSIBLE / 2, ordered, ordered[..., :1])
     torch.testing.assert_close(found, ordered, rtol=1e-4, atol=1e-4)
     number = (actions * torch.tensor([9, 3, 1])).sum(-1)
     torch.testing.assert_close(expected.gather(-1, number), ordered, rtol=1e-4, atol=1e-4)
@@ -62,7 +65,19 @@ def test_the_first_is_what_the_policy_does(played):
     policy.sampled = False
     assert likely.shape == (5, 6, 1, 3)
     assert (likely[:, 0] == policy.act(world, state, np.random.default_rng(0))).all()
-    assert all(len({row.tobytes() for row in env[1:]}) == 5 for env in likely)
+    assert all(len({row.tobytes() for row in env}) == 6 for env in likely)
+
+
+def test_no_action_that_is_masked(played):
+    """Where fewer are allowed than are asked for."""
+    policy, world, _ = played
+    state = world.reset(seed=0)
+    mask = world.action_mask(state)[:, 0]
+    likely = policy.likely_actions(world, state, 10_000)[:, :, 0]
+    offsets = np.cumsum([0, *world.action_sizes[:-1]])
+    allowed = mask[np.arange(len(mask))[:, None, None], likely + offsets]
+    assert allowed.all()
+    assert not mask.all()
 
 
 def test_of_several_together():

@@ -9,11 +9,12 @@ import torch
 from batteries import BATTERY
 from seas import ERRORS, POLLED, ROUGH, TDD, TWO
 
-from iout_marl import World, evaluate, load_scenario
+from iout_marl import World, evaluate, load_scenario, pretrained
 from iout_marl.envs.joint import AUVEnv
 from iout_marl.envs.vector import AUVVectorEnv
 from iout_marl.errors import Note, warn_once
 from iout_marl.physics.packets import bpsk_bit_error_rate, packet_error_rate
+from iout_marl.policies import GuidedBeam
 from iout_marl.replay import record_policy
 from iout_marl.testing.recorded import actions_for, chance_for, first_state
 from iout_marl.world import has_chance
@@ -228,8 +229,9 @@ def test_policies_play_it(policy):
 
 
 @pytest.mark.filterwarnings("ignore::iout_marl.errors.Note")
-def test_plans_are_made_once_and_kept():
-    first, second = (record_policy(rough(ROUGH), "tour", seed) for seed in (0, 7))
+@pytest.mark.parametrize("make", [lambda: "tour", lambda: GuidedBeam(pretrained(), 1)])
+def test_plans_are_made_once_and_kept(make):
+    first, second = (record_policy(rough(ROUGH), make(), seed) for seed in (0, 7))
     for name in ("charged", "heard", "path"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
     assert (first.outcome != second.outcome).any()
