@@ -170,7 +170,8 @@ def evaluate_all(
             (own, ahead.searched(player, seed) if is_trained(name) else player)
             for name, (own, player) in zip(names, players, strict=True)
         ]
-    first_episode = FirstEpisode(names[0], seed) if keep_episode else None
+    called = players[0][1].name if ahead.option else names[0]
+    first_episode = FirstEpisode(called, seed) if keep_episode else None
     results = [
         evaluate(own, player, episodes, seed, breakdown=breakdown, observe=first_episode)
         for own, player in players

@@ -160,6 +160,12 @@ class TestSearch:
         assert found[1][0] < found[0][0]
         assert found[1][1] == found[0][1]
 
+    def test_is_named_in_the_episode_that_is_kept(self, iout, tmp_path):
+        target = tmp_path / "episode.json"
+        words = ["--policy", "pretrained", "--mirrored", "--save-episode", target]
+        assert iout("evaluate", "best/k3-tdd", *words)[0] == 0
+        assert json.loads(target.read_text())["policy"] == "pretrained, mirrored"
+
     @pytest.mark.parametrize(
         ("words", "message"),
         [
