@@ -9,7 +9,7 @@ from pathlib import Path
 from markdown_tables import table
 
 from iout_marl.bounds import rounded_down
-from iout_marl.report.measures import metric as metric_text
+from iout_marl.report.measures import has_interval
 from iout_marl.study.results import Results, read_results
 
 HERE = Path(__file__).parent
@@ -23,13 +23,17 @@ def results() -> Results:
 
 
 def _aoi(series: str, place: float) -> str:
-    """Mean AoI with its 95 % interval; a bound is rounded down."""
+    """Mean AoI and half of its 95 % interval, where it has one; a bound is rounded down."""
     measured = results().measured(series, place, "mean_aoi")
     if measured is None:
         return "–"
     if results().is_bound(series):
         return rounded_down(measured.mean, 3)
-    return metric_text(measured, "mean_aoi")
+    found = measured.estimate
+    if not has_interval(found):
+        return f"{found.mean:.2f}"
+    # Short, for columns as narrow as these.
+    return f"{found.mean:.2f}\N{NO-BREAK SPACE}± {(found.high - found.low) / 2:.2f}"
 
 
 def _by_size(rows: Sequence[tuple[str, str]], like: str) -> str:
