@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
-from pathlib import Path
 
+from committed import results_of
 from markdown_tables import table
 
 from iout_marl.bounds import rounded_down
 from iout_marl.report.measures import has_interval
-from iout_marl.study.results import Results, read_results
+from iout_marl.study.results import Results
 
-HERE = Path(__file__).parent
 MODES = ("FDD", "TDD")
 
 
-@functools.cache
 def results() -> Results:
     """The committed results."""
-    return read_results(HERE / "pretrained" / "results.json")
+    return results_of("pretrained")
 
 
 def _aoi(series: str, place: float) -> str:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from committed import results_of
 from markdown_tables import page_of, table
 
 from iout_marl.evaluation import Estimate
 from iout_marl.report.measures import metric as metric_text
 from iout_marl.report.measures import number
-from iout_marl.study.results import Results, read_results
+from iout_marl.study.results import Results
 
 HERE = Path(__file__).parent
 MODES = ("FDD", "TDD")
@@ -39,12 +39,6 @@ ENERGY = {
 }
 #: The same of deployments.
 DEPLOYED = {"AoI in s": "mean_aoi_s", "Jain": "jain", **ENERGY}
-
-
-@functools.cache
-def results_of(study: str) -> Results:
-    """The committed results of a study."""
-    return read_results(HERE / study / "results.json")
 
 
 def steps_tables() -> str:

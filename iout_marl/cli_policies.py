@@ -43,8 +43,7 @@ class Ahead(NamedTuple):
             InputError: none of the policies is trained, or actions are drawn, or searched for in
                 two ways.
         """
-        if not any(map(is_trained, names)):
-            raise InputError(f"{self.option}: none of the policies is a trained one")
+        _need_trained(str(self.option), names)
         if sampled:
             raise InputError(f"{self.option}: decides itself what is drawn; leave out --sampled")
         other = self._replace(beam=None).option
@@ -121,7 +120,7 @@ def evaluate_all(
     transfer: bool,
     sampled: bool,
     breakdown: bool,
-    ahead: Ahead | None = None,
+    ahead: Ahead,
     keep_episode: bool = False,
 ) -> tuple[list[Evaluation], str, FirstEpisode | None]:
     """Run policies by what `load_policy` takes.
@@ -146,9 +145,8 @@ def evaluate_all(
         InputError: one is neither, or does not fit the scenario.
     """
     runs = [name for name in names if is_run(name)]
-    if sampled and not any(map(is_trained, names)):
-        raise InputError("--sampled: none of the policies is a trained one")
-    ahead = ahead or Ahead()
+    if sampled:
+        _need_trained("--sampled", names)
     if ahead.option:
         ahead.check(names, sampled=sampled)
     if keep_episode and len(names) != 1:
@@ -193,8 +191,8 @@ def record_named(
     Raises:
         InputError: one is no policy, or does not fit the scenario.
     """
-    if sampled and not any(map(is_trained, names)):
-        raise InputError("--sampled: none of the policies is a trained one")
+    if sampled:
+        _need_trained("--sampled", names)
     layout = with_layout_of_runs(scenario, names, transfer=transfer)
     players = _players(scenario, layout, names, seed, transfer=transfer, sampled=sampled)
     return [
@@ -225,6 +223,16 @@ def _players(
         )
         for name in names
     ]
+
+
+def _need_trained(option: str, names: list[str]) -> None:
+    """Refuse an option that is about trained policies where there is none.
+
+    Raises:
+        InputError: none of them is.
+    """
+    if not any(map(is_trained, names)):
+        raise InputError(f"{option}: none of the policies is a trained one")
 
 
 def planner_budget(seconds: float | None, rounds: int | None) -> Budget | None:

@@ -73,9 +73,8 @@ class TrainedPolicy(BasePolicy):
         Raises:
             InputError: the networks have come to numbers that are not finite.
         """
-        network, observation, mask = self._seen(world, state)
-        agree = self._sized is not None and _can_agree(world)
-        return self._choose(network, observation, mask, rng, world.num_nodes if agree else None)
+        network, observation, mask, nodes = self._seen(world, state)
+        return self._choose(network, observation, mask, rng, nodes)
 
     @torch.inference_mode()
     def likely_actions(self, world: World, state: State, number: int) -> Actions:
@@ -90,17 +89,15 @@ class TrainedPolicy(BasePolicy):
         Returns:
             (envs, number, auvs, entries), fewer where there are no more.
         """
-        network, observation, mask = self._seen(world, state)
-        device = network.scaler.shift.device
-        inputs = network.scaler(torch.as_tensor(observation, dtype=torch.float32, device=device))
-        allowed = None if mask is None else torch.as_tensor(mask, device=device)
+        network, observation, mask, nodes = self._seen(world, state)
+        seen, allowed = _as_tensors(network, observation, mask)
         found = [
-            likely_together(*likely_actions(network, part, its_mask, number))
-            for part, its_mask in _in_parts(network, inputs, allowed, rows=number)
+            likely_together(*likely_actions(network, network.scaler(part), its_mask, number))
+            for part, its_mask in _in_parts(network, seen, allowed, rows=number)
         ]
         likely = torch.cat(found).cpu().numpy()
         with most_probable(self):
-            own = self.act(world, state, np.random.default_rng())[:, None]
+            own = self._choose(network, observation, mask, np.random.default_rng(), nodes)[:, None]
         # Where it is among them, in the last place, of which there is none for it.
         is_own = (likely == own).all((-1, -2))
         others = np.take_along_axis(
@@ -110,13 +107,14 @@ class TrainedPolicy(BasePolicy):
 
     def _seen(
         self, world: World, state: State
-    ) -> tuple[ActorCritic, Any, npt.NDArray[np.bool_] | None]:
-        """The networks as they are in a world, and what they are shown of a state."""
+    ) -> tuple[ActorCritic, Any, npt.NDArray[np.bool_] | None, int | None]:
+        """What `_choose` takes: the networks as they are in a world, and what they see there."""
         mask = world.action_mask(state) if self.use_mask else None
         if self._sized is None:
-            return self.network, world.observe(state), mask
+            return self.network, world.observe(state), mask, None
         network, observer = self._sized.in_world(world)
-        return network, observer.observe(state), mask
+        nodes = world.num_nodes if _can_agree(world) else None
+        return network, observer.observe(state), mask, nodes
 
     def predict(
         self,
@@ -177,13 +175,12 @@ class TrainedPolicy(BasePolicy):
 
         Where `nodes`, their number, is given, AUVs agree on whom each hears.
         """
-        device = network.scaler.shift.device
-        seen = torch.as_tensor(observation, dtype=torch.float32, device=device)
-        allowed = None if mask is None else torch.as_tensor(mask, device=device)
+        seen, allowed = _as_tensors(network, observation, mask)
         noise = None
         if self.sampled:
             shape = (*seen.shape[:-1], len(network.action_sizes))
-            noise = torch.as_tensor(1 - rng.random(shape, dtype=np.float32), device=device)
+            drawn = 1 - rng.random(shape, dtype=np.float32)
+            noise = torch.as_tensor(drawn, device=seen.device)
         actions = [
             self._choose_some(network, part, its_mask, its_draws, nodes)
             for part, its_mask, its_draws in _in_parts(network, seen, allowed, noise)
@@ -216,6 +213,15 @@ class TrainedPolicy(BasePolicy):
                 "or of a training that diverged"
             )
         return action
+
+
+def _as_tensors(
+    network: ActorCritic, observation: Any, mask: npt.NDArray[np.bool_] | None
+) -> tuple[Tensor, Tensor | None]:
+    """Observations and masks on the networks' device."""
+    device = network.scaler.shift.device
+    seen = torch.as_tensor(observation, dtype=torch.float32, device=device)
+    return seen, None if mask is None else torch.as_tensor(mask, device=device)
 
 
 def _in_parts(

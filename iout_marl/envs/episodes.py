@@ -122,7 +122,7 @@ class EpisodeBatch:
         self._chance: ChanceStream | None = None
         #: Whether some were restarted without the others.
         self._is_apart = False
-        #: In the first environment; 0 before the first reset.
+        #: Slots that are over in the first environment; 0 before the first reset.
         self._slots_over = 0
 
     def __getstate__(self) -> dict[str, Any]:

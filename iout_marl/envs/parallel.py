@@ -63,6 +63,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         self.action_spaces = {
             a: copy.deepcopy(self._episodes.action_space) for a in self.possible_agents
         }
+        self._entries = len(self._episodes.world.action_sizes)
         self.state_space = self._episodes.state_space
         #: What brings the entries of one AUV's observation to the order of one, see `Ranges`.
         self.observation_ranges = self._episodes.world.observer.agent_ranges
@@ -155,8 +156,7 @@ class AUVParallelEnv(ParallelEnv[str, Any, Any]):
         return result
 
     def _own_action(self, actions: dict[str, Any], agent: str) -> npt.NDArray[Any]:
-        count = len(self._episodes.world.action_sizes)
-        return entries_of(actions[agent], count, f"the action of {agent}")
+        return entries_of(actions[agent], self._entries, f"the action of {agent}")
 
     def state(self) -> npt.NDArray[np.float32]:
         """What a central critic may see, (entries,): see `Observer.observe_globally`."""

@@ -98,7 +98,8 @@ class ArrayStepper(_ByArrays):
         self, action: npt.NDArray[np.int64], chance: Chance | None = None
     ) -> npt.NDArray[np.float64]:
         started = time.perf_counter()
-        self.state, self.events = self._world.step(self.state, action, chance)
+        # A copy: events keep what was done, whatever becomes of the caller's array.
+        self.state, self.events = self._world.step(self.state, action.copy(), chance)
         reward: npt.NDArray[np.float64] = self._world.reward(self.state, self.events)
         if self._choice is not None:
             self._choice.seconds += time.perf_counter() - started

@@ -64,7 +64,7 @@ class GuidedSearch:
         beam, layout = rows(joined(states), kept), kept
         before, actions, parents = [], [], []
         for left in range(slots_left(self._worlds.of(len(beam.cell)), beam), 0, -1):
-            likely = self._likely(beam)
+            likely = self._policy.likely_actions(self._worlds.of(len(beam.cell)), beam, CHOICES)
             parent = np.repeat(np.arange(len(likely)), likely.shape[1])
             action = likely.reshape(-1, *likely.shape[2:])
             after = self._worlds.step(rows(beam, parent), action)
@@ -78,18 +78,12 @@ class GuidedSearch:
         ends = best + self._episodes * np.arange(len(states))
         return [_traced(int(end), before, actions, parents, beam) for end in ends]
 
-    def _likely(self, state: State) -> Integers:
-        world = self._worlds.of(len(state.cell))
-        likely: Integers = self._policy.likely_actions(world, state, CHOICES).astype(np.int64)
-        return likely
-
     def _age_sum_ahead(self, state: State, slots: int) -> Any:
         """The sums of ages, (envs,), after the policy has played on for so many slots."""
         world, rng = self._worlds.of(len(state.cell)), np.random.default_rng(0)
         with most_probable(self._policy):
             for _ in range(slots):
-                action = self._policy.act(world, state, rng).astype(np.int64)
-                state = self._worlds.step(state, action)
+                state = self._worlds.step(state, self._policy.act(world, state, rng))
         return state.age_sum
 
     def _best(self, layout: Integers, ages: Any, after: State) -> Integers:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.policies.policy import Actions, Policy, most_probable
-from iout_marl.policies.simulator import Plan, joined, played_together, rows, slots_left
+from iout_marl.policies.simulator import Plan, Worlds, joined, played_together, rows, slots_left
 from iout_marl.scenario import Scenario
 from iout_marl.world import State, World
 
@@ -70,15 +70,15 @@ class Rehearsal:
     def __init__(
         self, scenario: Scenario, policy: Policy, episodes: int, *, mirrored: bool, seed: int
     ) -> None:
-        self._scenario = scenario
         self._policy: Any = policy
         self._seed = seed
         images = list(itertools.product((False, True), repeat=3))[: 8 if mirrored else 1]
         #: Of those before, the most probable actions are taken.
         self._first_drawn = len(images)
         self._images = np.array(images + [images[0]] * (episodes - 1))
+        self._worlds = Worlds(scenario)
         #: By the number of states that are played from together.
-        self._worlds: dict[int, tuple[World, Mirror]] = {}
+        self._mirrors: dict[int, Mirror] = {}
 
     def plans(self, states: Sequence[State]) -> list[Plan]:
         """The best of the episodes from each of the states, of one environment each."""
@@ -96,10 +96,10 @@ class Rehearsal:
     def _together(self, states: Sequence[State]) -> list[Plan]:
         """`plans` of states in the same slot."""
         count, episodes = len(states), len(self._images)
-        if count not in self._worlds:
-            world = World(self._scenario, count * episodes, measured=())
-            self._worlds[count] = world, Mirror(world, np.tile(self._images, (count, 1)))
-        world, mirror = self._worlds[count]
+        world = self._worlds.of(count * episodes)
+        if count not in self._mirrors:
+            self._mirrors[count] = Mirror(world, np.tile(self._images, (count, 1)))
+        mirror = self._mirrors[count]
         rng = np.random.default_rng(self._seed)
         every = joined(states)
         state = rows(every, np.repeat(np.arange(count), episodes))
@@ -108,7 +108,7 @@ class Rehearsal:
             action = self._actions(world, mirror, state, rng)
             before.append(state)
             actions.append(action)
-            state, _ = world.step(state, action, world.expected)
+            state = self._worlds.step(state, action)
         played = np.array(actions)
         best = state.age_sum.reshape(count, episodes).argmin(-1) + episodes * np.arange(count)
         return [

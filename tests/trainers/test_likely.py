@@ -38,7 +38,7 @@ def played(request):
 def test_likely_actions(played):
     """In the order of their probability, as all actions one by one say it."""
     policy, world, state = played
-    network, observation, mask = policy._seen(world, state)
+    network, observation, mask, _ = policy._seen(world, state)
     inputs = network.scaler(torch.as_tensor(observation, dtype=torch.float32))
     allowed = torch.as_tensor(mask)
     every = torch.tensor(list(itertools.product(*map(range, world.action_sizes))))
