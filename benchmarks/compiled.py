@@ -1,8 +1,9 @@
-"""Slots that Numba compiles beside the same on NumPy, and what compiling them takes.
+"""Compiled slots beside the same on NumPy, and what compiling them takes.
 
-For the paper's world of ten nodes and the sea of `sea.py`: the bare world (float32, with reward and
-observation, chance drawn beforehand), VectorEnv, and training. Both kinds take turns in one
-process; rates are by processor time, a ratio is the median over rounds of those within a round.
+For the paper's world of ten nodes, three AUVs in it and the sea of `sea.py`: the bare world
+(float32, with reward and observation, chance drawn beforehand), VectorEnv, and training. Both kinds
+take turns in one process; rates are by processor time, a ratio is the median over rounds of those
+within a round.
 
     python benchmarks/compiled.py [--repeats 5] [--environments 16 1024 4096]
 """
@@ -32,6 +33,8 @@ from iout_marl.compiled.slot import CompiledSlot
 from iout_marl.scenario import Scenario, load_scenario
 from iout_marl.world import World, node_codes
 
+AUVS = "multi/m3-k10-fdd"
+
 
 def compiled_world(scenario: Scenario, envs: int) -> Callable[[], float]:
     """`sea.bare`, compiled."""
@@ -48,10 +51,10 @@ def compiled_world(scenario: Scenario, envs: int) -> Callable[[], float]:
     slot.compile()
 
     def measure() -> float:
-        rows = slot.rows(world.reset(codes))
+        columns = slot.columns(world.reset(codes))
         started = time.process_time()
         for action, chance in zip(actions, beforehand, strict=True):
-            rows = slot(rows, action, chance).rows
+            columns = slot(columns, action, chance).columns
         return len(actions) * envs / (time.process_time() - started)
 
     return measure
@@ -76,7 +79,7 @@ def print_compile_times(scenarios: dict[str, Scenario]) -> None:
             slot = CompiledSlot(scenario, observed="float32")
             times.append(time.perf_counter())
             for _ in range(2):
-                module.compiled_function.cache_clear()
+                module.loaded_function.cache_clear()
                 slot.compile()
                 times.append(time.perf_counter())
             print(f"{name:32s}" + "".join(f"{s:12.2f}" for s in np.diff(times)))
@@ -92,7 +95,7 @@ def main() -> None:
     torch.set_num_threads(1)
     # What a plausible sea says of itself is not the question here.
     warnings.simplefilter("ignore")
-    scenarios = {PAPER: load_scenario(PAPER), "sea": sea()}
+    scenarios = {PAPER: load_scenario(PAPER), AUVS: load_scenario(AUVS), "sea": sea()}
     print(machine.describe())
     print_compile_times(scenarios)
     subjects: dict[str, tuple[Callable[[], float], Callable[[], float]]] = {}

@@ -9,7 +9,7 @@ from iout_marl.errors import InputError
 #: The modules that are imported of each extra, by its name in `pyproject.toml`.
 EXTRAS = {
     "cluster": ("distributed",),
-    "compiled": ("numba",),
+    "compiled": ("llvmlite",),
     "currents": ("h5netcdf", "h5py", "pyproj", "xarray"),
     "emissions": ("codecarbon",),
     "film": ("imageio_ffmpeg", "matplotlib", "moviepy"),

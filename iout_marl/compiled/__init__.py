@@ -1,4 +1,4 @@
-"""Slots of a batch of environments, compiled by Numba where it is installed."""
+"""Slots of a batch of environments, compiled where llvmlite is installed."""
 
 from iout_marl.compiled.choice import SlotChoice
 from iout_marl.compiled.player import WorldPlayer

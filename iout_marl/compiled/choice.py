@@ -20,7 +20,7 @@ VARIABLE = "IOUT_COMPILED"
 _WHENS = ("auto", "always", "never")
 #: Seconds that NumPy may have taken for slots before a slot is compiled, or read from where it is
 #: kept: about what that takes, so that it never costs more than twice the better of the two.
-COMPILE_AFTER_S, READ_AFTER_S = 8.0, 1.0
+COMPILE_AFTER_S, READ_AFTER_S = 2.0, 0.3
 
 
 def when() -> str:
@@ -39,8 +39,8 @@ class SlotChoice:
     """The compiled slot of a scenario, once it pays.
 
     Without the environment variable that says so, it is taken only where it gives what NumPy gives
-    to the last digit, and not before NumPy has taken as long as it takes to compile it; where Numba
-    is missing, never.
+    to the last digit, and not before NumPy has taken as long as it takes to compile it; where
+    llvmlite is missing, never.
 
     Args:
         scenario: the scenario.
@@ -63,10 +63,10 @@ class SlotChoice:
         self._is_settled = self._when == "never" or not self._can_compile()
 
     def _can_compile(self) -> bool:
-        is_there = find_spec("numba") is not None
+        is_there = find_spec("llvmlite") is not None
         if not is_there and self._when == "always":
             warnings.warn(
-                f"{VARIABLE}=always: slots are played by NumPy, since Numba is not installed: "
+                f"{VARIABLE}=always: slots are played by NumPy, since llvmlite is not installed: "
                 f"{how_to_install('compiled')}",
                 RuntimeWarning,
                 stacklevel=4,

@@ -19,6 +19,7 @@ Places: TypeAlias = npt.NDArray[np.int64]
 
 #: From how many numbers on NumPy's sums along the inner axis are not one after the other.
 PAIRWISE_FROM = 8
+_WITHOUT_REDUCTION = ("parameter", "elementwise", "gather", "concat", "argsort")
 
 
 @dataclass(eq=False)
@@ -49,6 +50,10 @@ class Node:
     @property
     def size(self) -> int:
         return math.prod(self.shape)
+
+    @property
+    def is_reduction(self) -> bool:
+        return self.operation not in _WITHOUT_REDUCTION
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,139 +1,174 @@
-"""Source that Numba compiles, as modules in a folder of the user's, where what it makes is kept.
+"""Machine code of slots, kept in a folder of the user's.
 
-Numba keeps machine code beside the file that a function is in, and none of what has no file. A
-module is called by a digest of all that it depends on; known numbers, such as tables of levels, are
+Code is called by a digest of all that it depends on; known numbers, such as tables of levels, are
 handed to its function, so that scenarios which differ in nothing else share one.
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import functools
 import hashlib
-import importlib.util
 import os
-import platform
 import stat
-import sys
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from iout_marl.compiled.code import Code
 
-#: Arguments of a compiled slot after the number of environments, by letter of their type; those of
-#: chance may lie in memory as they come.
-_ARGUMENTS = {
+#: Arrays of a compiled slot, by letter of their type, after the number of environments and the
+#: width of columns; chance and tables do not change.
+_ARRAYS = {
     "in_f": "f",
     "in_i": "i",
     "kept_f": "f",
     "kept_i": "i",
     "action": "i",
-    **dict.fromkeys(("fading", "wind", "current", "arrival"), "a"),
-    "table_f": "t",
-    "table_i": "n",
-    "table_b": "l",
+    **dict.fromkeys(("fading", "wind", "current", "arrival"), "f"),
+    "table_f": "f",
+    "table_i": "i",
+    "table_b": "b",
     "out_f": "f",
     "out_i": "i",
-    "event_f": "f",
-    "event_i": "i",
-    "event_b": "b",
-    "reward": "f",
-    "terms": "f",
+    "out_b": "b",
     "seen": "o",
     "mask": "b",
+    "scratch_f": "f",
+    "scratch_i": "i",
+    "scratch_b": "b",
 }
-#: When every module was changed last, in s: Numba takes another time for another source.
-_CHANGED_S = 1_000_000_000
-#: For how long a module is kept that nothing uses.
+_NUMBERS = ("num_envs", "width")
+#: How many environments are played together, and how much memory what is kept of them may take:
+#: what the second cache has room for (`benchmarks/compiled.py`).
+_TILES, _TILE_BYTES = (8, 16, 32, 64, 128), 512 * 1024
+#: For how long code is kept that nothing uses.
 _KEPT_S = 60 * 86400.0
 
 
-def source_of(code: Code, dtype: str, observed: str) -> str:
-    """A module with a function `slots`.
+class Module(NamedTuple):
+    """A function to be compiled: with a number of environments, and the width of columns, it takes
+    the addresses of arrays.
+
+    Attributes:
+        source: the loops that it consists of.
+        arrays: names of the arrays, and types of their numbers.
+        scratch: of the last ones, in which it keeps numbers, the types and sizes.
+        tile: how many environments it plays together.
+        dtype: of its floating numbers.
+    """
+
+    source: str
+    arrays: tuple[tuple[str, str], ...]
+    scratch: tuple[tuple[str, int], ...]
+    tile: int
+    dtype: str
+
+    def text(self) -> str:
+        """It in LLVM's language."""
+        from iout_marl.compiled.llvm import Function
+
+        constants = {"TILE": self.tile}
+        return Function(self.source, dict(self.arrays), _NUMBERS, constants, self.dtype).text()
+
+
+def module_of(code: Code, dtype: str, observed: str) -> Module:
+    """A module of what is done for a tile of environments.
 
     Args:
-        code: what it does for an environment.
+        code: what is done.
         dtype: floating type.
         observed: that of observations.
     """
-    types = {
-        "f": f"{dtype}[:, ::1]",
-        "i": "int64[:, ::1]",
-        "b": "boolean[:, ::1]",
-        "a": f"{dtype}[:, ::1]",
-        "t": f"{dtype}[::1]",
-        "n": "int64[::1]",
-        "l": "boolean[::1]",
-        "o": f"{observed}[:, ::1]",
-    }
-    signature = ", ".join(["int64", *(types[letter] for letter in _ARGUMENTS.values())])
-    kinds = {"f": dtype, "i": "int64", "b": "bool_"}
+    types = {"f": dtype, "i": "int64", "b": "bool", "o": observed}
+    sizes = [(types[letter], size) for letter, size in code.scratch.items()]
+    lane_bytes = sum(np.dtype(kind).itemsize * size for kind, size in sizes)
+    fitting = (lanes for lanes in _TILES if lanes * lane_bytes <= _TILE_BYTES)
+    tile = max(fitting, default=_TILES[0])
     lines = [
-        "import numpy as np",
-        "from math import expm1, sqrt",
-        "from numba import njit",
-        "from iout_marl.compiled.operations import larger, select, smaller",
-        f"real = np.{dtype}",
-        f"ZERO, ONE, inf = np.{dtype}(0.0), np.{dtype}(1.0), np.{dtype}(np.inf)",
-        f'@njit("void({signature})", cache=KEPT, error_model="numpy", nogil=True)',
-        f"def slots(num_envs, {', '.join(_ARGUMENTS)}):",
-        *(
-            f"    scratch_{letter} = np.empty({size}, np.{kinds[letter]})"
-            for letter, size in code.scratch.items()
-            if size
-        ),
-        "    for env in range(num_envs):",
-        *(f"        {line}" for line in code.lines),
+        "for base in range(0, num_envs, TILE):",
+        "    lanes = smaller(TILE, num_envs - base)",
+        *("    " + line for line in code.lines),
     ]
-    return "\n".join(lines) + "\n"
+    arrays = tuple((name, types[letter]) for name, letter in _ARRAYS.items())
+    scratch = tuple((kind, size * tile) for kind, size in sizes)
+    return Module("\n".join(lines) + "\n", arrays, scratch, tile, dtype)
 
 
-def is_kept(source: str) -> bool:
-    """Whether a source has been compiled before."""
-    path = _path(source)
-    return path is not None and any(path.parent.glob(f"__pycache__/{path.stem}.slots-*.nbi"))
+def is_kept(module: Module) -> bool:
+    """Whether a module has been compiled before."""
+    path = _path(module)
+    return path is not None and _read(path) is not None
+
+
+def compiled_function(module: Module) -> Callable[..., None]:
+    """The compiled function of a module, from the user's folder where it is kept there.
+
+    It takes the numbers, and the addresses of all arrays but those in which it keeps numbers; they
+    must be C-contiguous and of their types.
+    """
+    called = loaded_function(module)
+    scratch = [(size, np.dtype(kind)) for kind, size in module.scratch]
+
+    def function(num_envs: int, width: int, *addresses: int | None) -> None:
+        own = [np.empty(size, dtype) for size, dtype in scratch]
+        called(num_envs, width, *addresses, *map(address_of, own))
+
+    return function
+
+
+def address_of(array: npt.NDArray[Any]) -> int | None:
+    """Where an array is, faster than it says so itself; None of one of nothing."""
+    if not array.size:
+        return None
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(cast(Any, array)))
+    except TypeError:  # it may not be written
+        return array.ctypes.data
 
 
 @functools.lru_cache(maxsize=64)
-def compiled_function(source: str) -> Callable[..., None]:
-    """The compiled function of a source, from the user's folder where it is kept there."""
-    path = _path(source)
-    if path is None or not _written(path, source.replace("KEPT", "True")):
-        scope: dict[str, Any] = {"__name__": "iout_compiled"}
-        exec(source.replace("KEPT", "False"), scope)
-        function: Callable[..., None] = scope["slots"]
-        return function
-    name = f"iout_compiled_{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # Numba looks for it there when it reads what it has kept
-    spec.loader.exec_module(module)
-    kept: Callable[..., None] = module.slots
-    return kept
+def loaded_function(module: Module) -> Callable[..., None]:
+    """The function of a module, which takes the addresses of all its arrays."""
+    from iout_marl.compiled import llvm
+
+    path = _path(module)
+    code = None if path is None else _read(path)
+    if code is None:
+        code = llvm.compiled(module.text())
+        if path is not None:
+            _write(path, code)
+    address, engine = llvm.loaded(code)
+    types = [*[ctypes.c_int64] * len(_NUMBERS), *[ctypes.c_void_p] * len(module.arrays)]
+    function: Any = ctypes.CFUNCTYPE(None, *types)(address)
+    function.engine = engine  # the code lives as long
+    called: Callable[..., None] = function
+    return called
 
 
-def _path(source: str) -> Path | None:
-    """Where the module of a source is, or is to be; None where there is no folder for it."""
-    import numba
+def _path(module: Module) -> Path | None:
+    """Where the code of a module is, or is to be; None where there is no folder for it."""
+    import llvmlite
+
+    from iout_marl.compiled import llvm
 
     folder = cache_folder()
     if folder is None:
         return None
-    operations = Path(__file__).with_name("operations.py").read_text(encoding="utf-8")
-    versions = (numba.__version__, np.__version__, platform.python_version(), operations)
-    digest = hashlib.sha256("\n".join([source, *versions]).encode()).hexdigest()[:32]
-    return folder / f"slot_{digest}.py"
+    translator = Path(llvm.__file__).read_text(encoding="utf-8")
+    parts = (repr(module), llvmlite.__version__, llvm.processor(), translator)
+    digest = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
+    return folder / f"slot_{digest}.o"
 
 
 def cache_folder() -> Path | None:
-    """The user's folder for compiled modules, made if need be; None where there can be none.
+    """The user's folder for machine code, made if need be; None where there can be none.
 
     It is `iout_marl/compiled` in `$XDG_CACHE_HOME`, or in `~/.cache`. Nobody else may write there:
     what is in it is executed.
@@ -153,36 +188,35 @@ def cache_folder() -> Path | None:
     return folder if os.access(folder, os.W_OK) else None
 
 
-def _written(path: Path, source: str) -> bool:
-    """See to it that a module has this source: whether it has."""
-    text = source.encode()
+def _read(path: Path) -> bytes | None:
+    """The code that is kept in a file, if there is one that was not damaged."""
     try:
-        is_new = not path.is_file() or path.read_bytes() != text
-        if is_new:
-            handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-            try:
-                with os.fdopen(handle, "wb") as file:
-                    file.write(text)
-                os.utime(name, (time.time(), _CHANGED_S))
-                Path(name).replace(path)
-            except BaseException:
-                Path(name).unlink(missing_ok=True)
-                raise
-            _remove_unused(path.parent)
-        else:
-            os.utime(path, (time.time(), _CHANGED_S))
+        digest, code = (read := path.read_bytes())[:32], read[32:]
+        os.utime(path)  # it is used
     except OSError:
-        return False
-    return True
+        return None
+    return code if hashlib.sha256(code).digest() == digest else None
+
+
+def _write(path: Path, code: bytes) -> None:
+    """Keep code in a file after its digest, if it can be written."""
+    with contextlib.suppress(OSError):
+        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(hashlib.sha256(code).digest() + code)
+            Path(name).replace(path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+        _remove_unused(path.parent)
 
 
 def _remove_unused(folder: Path) -> None:
-    """Remove modules that nothing has used for long, and what was compiled of them."""
+    """Remove code that nothing has used for long."""
     oldest = time.time() - _KEPT_S
-    for path in folder.glob("slot_*.py"):
+    for path in folder.glob("slot_*"):
         # Another process may remove it, too.
         with contextlib.suppress(OSError):
-            if path.stat().st_atime < oldest:
-                for made in folder.glob(f"__pycache__/{path.stem}.*"):
-                    made.unlink(missing_ok=True)
+            if path.stat().st_mtime < oldest:
                 path.unlink(missing_ok=True)

@@ -66,10 +66,10 @@ class WorldPlayer:
         self, slot: CompiledSlot, state: State, action: Array, chance: Chance | None
     ) -> tuple[State, Mapping[str, Array], Array]:
         last = self._played_to(state)
-        rows = slot.rows(state) if last is None else last.rows
-        self._played = played = slot(rows, action, chance)
-        self._state = slot.state(played.rows)
-        return self._state, slot.split_terms(played.terms), played.reward
+        columns = slot.columns(state) if last is None else last.columns
+        self._played = played = slot(columns, action, chance)
+        self._state = slot.state(played.columns)
+        return self._state, played.terms, played.reward
 
     def _played_to(self, state: State) -> Played | None:
         """What has led to a state, if it was the last slot."""

@@ -155,7 +155,7 @@ class CompiledStepper(_SlotStepper, _ByArrays):
     def __init__(
         self, slot: CompiledSlot, world: World, state: State, events: Events | None
     ) -> None:
-        super().__init__(slot, world, state, events, slot.rows(state), ())
+        super().__init__(slot, world, state, events, slot.columns(state), ())
         self._played: Played | None = None
         #: Observations of the last slot, until they are handed out.
         self._seen: npt.NDArray[np.float32] | None = None
@@ -164,7 +164,7 @@ class CompiledStepper(_SlotStepper, _ByArrays):
         self, action: npt.NDArray[np.int64], chance: Chance | None = None
     ) -> npt.NDArray[np.float64]:
         self._played = played = self._slot(self._now, action, chance)
-        self._arrive(played.rows, played.events)
+        self._arrive(played.columns, played.columns)
         self._seen = played.observation
         return played.reward
 

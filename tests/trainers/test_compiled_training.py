@@ -11,7 +11,7 @@ from trainers import Trainer
 @pytest.mark.slow
 @pytest.mark.parametrize("mask", [True, False])
 def test_training_by_compiled_slots_is_the_same(monkeypatch, mask):
-    pytest.importorskip("numba")
+    pytest.importorskip("llvmlite")
     scenario = load_scenario("paper/k3-fdd", {"training.mask_actions": mask})
     trainers = []
     for said in ("never", "always"):

@@ -1,18 +1,19 @@
 """Compiled slots are those of the world on NumPy."""
 
 import os
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
-pytest.importorskip("numba")
+pytest.importorskip("llvmlite")
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_unrolled import PAPERS_REWARD, PARTS
 from test_world_laws import NAMES, STARTS
 
-from iout_marl.compiled import module
+from iout_marl.compiled import llvm, module
 from iout_marl.compiled.slot import CompiledSlot
 from iout_marl.scenario import load_scenario
 from iout_marl.world import World, node_codes
@@ -28,7 +29,7 @@ def assert_alike(scenario, dtype="float64", slots=30, envs=5, seed=0):
     rng = np.random.default_rng(seed)
     streams = [np.random.default_rng(seed + i) for i in range(envs)]
     state = world.reset(node_codes(scenario, world.grid, streams))
-    rows, chance = slot.rows(state), world.draw_chance(seed)
+    columns, chance = slot.columns(state), world.draw_chance(seed)
 
     def same(found, expected, name):
         assert found.dtype == expected.dtype, name
@@ -43,20 +44,20 @@ def assert_alike(scenario, dtype="float64", slots=30, envs=5, seed=0):
         action = np.stack([rng.integers(0, n, shape) for n in world.action_sizes], axis=-1)
         drawn = next(chance)
         state, events = world.step(state, action, drawn)
-        played = slot(rows, action, drawn)
-        rows = played.rows
+        played = slot(columns, action, drawn)
+        columns = played.columns
         for name in state._fields:
-            same(slot.now(rows, name), getattr(state, name), name)
+            same(slot.now(columns, name), getattr(state, name), name)
         for name in events._fields:
-            same(slot.last(played.events, name), getattr(events, name), name)
+            same(slot.last(columns, name), getattr(events, name), name)
         same(played.reward, world.reward(state, events), "reward")
         same(played.observation, world.observe(state), "observation")
         same(played.mask, world.action_mask(state), "mask")
         for name, term in world.reward_terms(state, events).items():
-            same(slot.split_terms(played.terms)[name], term, name)
+            same(played.terms[name], term, name)
         if not slot.is_exact:
-            rows = slot.rows(state)  # a last digit may decide whether an uplink succeeds
-    assert all(map(np.array_equal, slot.state(rows), state))
+            columns = slot.columns(state)  # a last digit may decide whether an uplink succeeds
+    assert all(map(np.array_equal, slot.state(columns), state))
 
 
 @pytest.mark.slow
@@ -93,7 +94,7 @@ def test_compiled_slots_of_random_scenarios_are_those_of_the_world(
 
 
 def source(scenario):
-    return CompiledSlot(scenario)._source
+    return CompiledSlot(scenario)._module.source
 
 
 def of_size(nodes, auvs=1):
@@ -114,58 +115,102 @@ def test_scenarios_that_differ_in_numbers_share_a_source():
     assert source(one) == source(other)
 
 
+@pytest.mark.parametrize("envs", [1, 127, 128, 129, 300])
+def test_tiles_that_are_not_full(envs):
+    scenario = load_scenario("paper/k3-fdd")
+    assert CompiledSlot(scenario)._module.tile == 128
+    assert_alike(scenario, slots=3, envs=envs)
+
+
+def test_large_worlds_are_played_in_small_tiles():
+    tiles = [
+        CompiledSlot(load_scenario("paper/k10-fdd", of_size(nodes)))._module.tile
+        for nodes in (10, 100, 390)
+    ]
+    assert tiles == sorted(tiles, reverse=True)
+    assert tiles[0] > tiles[-1]
+
+
+def test_threads_may_share_a_slot():
+    scenario = load_scenario("paper/k3-fdd")
+    world, slot = World(scenario, 200), CompiledSlot(scenario)
+    codes = node_codes(scenario, world.grid, [np.random.default_rng(0)] * 200)
+    columns = slot.columns(world.reset(codes))
+    actions = [np.full((200, 1, 3), kind) for kind in (0, 1, 2)]
+    alone = [slot(columns, action, None) for action in actions]
+    with ThreadPoolExecutor(3) as pool:
+        for _ in range(20):
+            together = pool.map(lambda action: slot(columns, action, None), actions)
+            for one, other in zip(alone, together, strict=True):
+                np.testing.assert_array_equal(one.observation, other.observation)
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    module.compiled_function.cache_clear()
+    module.loaded_function.cache_clear()
     yield tmp_path / "iout_marl" / "compiled"
-    module.compiled_function.cache_clear()
+    module.loaded_function.cache_clear()
 
 
-#: Compiled in a fraction of a second.
-SMALL = """
-from numba import njit
-@njit("int64(int64)", cache=KEPT)
-def slots(number):
-    return number + 1
-"""
+def small(lines, tile=4, **arrays):
+    """A module of some arrays, by types of their numbers."""
+    return module.Module(lines, tuple(arrays.items()), (), tile, "float64")
 
 
-@pytest.mark.slow
-def test_what_is_compiled_is_kept(folder):
+SMALL = small("put(a, 0, get(a, 0) + num_envs)", a="int64")
+
+
+def added(to):
+    """What the small module makes of 1 and 1."""
+    array = np.ones(1, np.int64)
+    module.compiled_function(to)(1, 0, module.address_of(array))
+    return array.item()
+
+
+@pytest.fixture
+def compiling(monkeypatch):
+    """What has been compiled, not read."""
+    done, compiled = [], llvm.compiled
+    monkeypatch.setattr(llvm, "compiled", lambda text: done.append(text) or compiled(text))
+    return done
+
+
+def test_what_is_compiled_is_kept(folder, compiling):
     assert not module.is_kept(SMALL)
-    assert module.compiled_function(SMALL)(1) == 2
+    assert added(SMALL) == 2
     assert module.is_kept(SMALL)
     assert folder.stat().st_mode & 0o777 == 0o700
-    made = {path: path.stat().st_mtime_ns for path in folder.rglob("*.nb?")}
-    module.compiled_function.cache_clear()
-    again = module.compiled_function(SMALL)
-    assert again(1) == 2
-    assert sum(again.stats.cache_hits.values()) == 1
-    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*.nb?")} == made
+    module.loaded_function.cache_clear()
+    assert added(SMALL) == 2
+    assert len(compiling) == 1
 
 
-def test_a_module_that_was_changed_is_written_anew(folder):
-    module.compiled_function(SMALL)
-    (path,) = folder.glob("*.py")
-    path.write_text("def slots(number):\n    return 0\n")
-    module.compiled_function.cache_clear()
-    assert module.compiled_function(SMALL)(1) == 2
+def test_code_that_was_damaged_is_compiled_anew(folder, compiling):
+    added(SMALL)
+    (path,) = folder.iterdir()
+    code = path.read_bytes()
+    for damaged in (code[:-1], code[:40] + b"x" + code[41:], b""):
+        path.write_bytes(damaged)
+        module.loaded_function.cache_clear()
+        assert not module.is_kept(SMALL)
+        assert added(SMALL) == 2
+        assert path.read_bytes() == code
+    assert len(compiling) == 4
 
 
-@pytest.mark.slow
-def test_what_nothing_has_used_for_long_is_removed(folder):
-    old, used, new = (SMALL.replace("+ 1", f"+ {n}") for n in (2, 3, 4))
-    for source in (old, used):
-        module.compiled_function(source)
-        path = module._path(source)
-        os.utime(path, (path.stat().st_atime - 61 * 86400, path.stat().st_mtime))
-    module.compiled_function.cache_clear()
-    assert sum(module.compiled_function(used).stats.cache_hits.values()) == 1
-    module.compiled_function(new)
-    assert [module.is_kept(source) for source in (old, used, new)] == [False, True, True]
-    stems = {path.name.partition(".")[0] for path in folder.rglob("slot_*.*")}
-    assert stems == {module._path(source).stem for source in (used, new)}
+def test_what_nothing_has_used_for_long_is_removed(folder, compiling):
+    old, used, new = (SMALL._replace(tile=tile) for tile in (1, 2, 3))
+    for each in (old, used):
+        added(each)
+        path = module._path(each)
+        os.utime(path, (path.stat().st_atime, path.stat().st_mtime - 61 * 86400))
+    module.loaded_function.cache_clear()
+    added(used)
+    assert len(compiling) == 2
+    added(new)
+    assert [module.is_kept(each) for each in (old, used, new)] == [False, True, True]
+    assert set(folder.iterdir()) == {module._path(each) for each in (used, new)}
 
 
 @pytest.mark.parametrize("kind", ["no folder", "others write there", "a file"])
@@ -181,7 +226,7 @@ def test_without_a_folder_it_is_compiled_all_the_same(folder, kind):
     else:
         folder.write_text("")
     try:
-        assert module.compiled_function(SMALL)(1) == 2
+        assert added(SMALL) == 2
         assert not module.is_kept(SMALL)
     finally:
         folder.parent.chmod(0o700)
