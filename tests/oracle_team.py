@@ -102,7 +102,7 @@ class Notebook:
         for other, cell in enumerate(oracle.auv_cells):
             if other != self.auv:
                 step = tuple(theirs - mine for theirs, mine in zip(cell, own, strict=True))
-                found.append((oracle.squared_shortest(step, (0, 0, 0)), step, share[other]))
+                found.append((oracle.squared_shortest(step, (0, 0, 0)), step, other, share[other]))
         return [each for *_, each in sorted(found)]
 
     @property

@@ -263,7 +263,7 @@ class GraphLibrary(TracingLibrary):
         count = np.count_nonzero(factors, axis=-1).max() if known else terms.shape[axis]
         if count > 2 and not (isinstance(terms, GraphArray) and terms.node.is_whole):
             # BLAS adds up in an order of its own.
-            self.graph.is_exact = False
+            self.rounds_otherwise()
         return self._sum(terms, axis)
 
     def _where(self, flag: Any, first: Any, second: Any) -> Any:
@@ -273,8 +273,12 @@ class GraphLibrary(TracingLibrary):
 
     def _expm1(self, array: Any) -> Any:
         # Each library has a last digit of its own.
-        self.graph.is_exact = False
+        self.rounds_otherwise()
         return self.computed("expm1({})", float, array)
+
+    def rounds_otherwise(self) -> None:
+        """NumPy's last digit may be another: see `physics.arrays.rounds_otherwise`."""
+        self.graph.is_exact = False
 
     def _concat(self, arrays: Sequence[Any], axis: int = 0) -> Any:
         kind = widest(*arrays)
@@ -303,7 +307,8 @@ class GraphLibrary(TracingLibrary):
             values = self._where(index[i] == entries, more, values)
         return values
 
-    def _argsort(self, array: Any, axis: int = -1) -> Any:
+    def _argsort(self, array: Any, axis: int = -1, *, stable: bool = True) -> Any:  # noqa: ARG002
+        """Always stable."""
         if array.shape[axis] == 1:
             return np.zeros(array.shape, dtype=np.int64)
         moved = self.operand(array.viewed(lambda places: np.moveaxis(places, axis, -1)))

@@ -11,15 +11,18 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from iout_marl.compiled.graph import Node, Operand, Places, unjoined
 
 _T = TypeVar("_T")
 #: Sizes of the axes of a loop, outer ones first.
 Space: TypeAlias = tuple[int, ...]
+#: Numbers of one kind are kept together: floating ones, whole ones, flags.
+LETTERS = "fib"
 _LETTER = {bool: "b", int: "i", float: "f"}
 #: The place in memory of a number of an environment, by how an array lies there.
 _INDEX = {
@@ -99,7 +102,7 @@ class Schedule:
 
     def __init__(self, given: dict[str, Store], written: Sequence[tuple[Operand, Store]]) -> None:
         self._given = given
-        self.scratch = dict.fromkeys("fib", 0)
+        self.scratch = dict.fromkeys(LETTERS, 0)
         self.blocks: list[Block] = []
         self.made: dict[Node, int] = {}
         self.kept: dict[Node, Store] = {}
@@ -107,19 +110,18 @@ class Schedule:
 
     def _place_all(self, written: Sequence[tuple[Operand, Store]]) -> None:
         needed: set[Node] = set()
-        waiting = [operand.node for operand, _ in written]
-        while waiting:
-            node = waiting.pop()
-            if node is not None and node not in needed:
-                needed.add(node)
-                waiting += [operand.node for operand in node.operands]
         stores = [
             Statement(space_of(target.shape), None, part, store, target)
             for operand, store in written
             for part, target in unjoined(operand, natural(operand.shape))
         ]
+        waiting = [present(statement.operand).node for statement in stores]
+        while waiting:
+            node = waiting.pop()
+            if node is not None and node not in needed:
+                needed.add(node)
+                waiting += [operand.node for operand in node.operands]
         stores = [each for each in stores if not self._settles(each)]
-        read_whole = self._read_whole(needed)
         for node in sorted(needed, key=lambda node: node.number):
             if node.operation == "parameter":
                 self._take(node)
@@ -131,7 +133,7 @@ class Schedule:
                 ]
                 self.made[node] = max(self._place(part) for part in parts)
             else:
-                if node in read_whole or node.is_reduction:
+                if node.is_reduction or node.operation == "argsort":
                     self._keep(node)
                 space = space_of(node.operands[0].shape)
                 if node.operation == "argsort":
@@ -165,16 +167,6 @@ class Schedule:
             return False
         self.kept[node] = Store(store.array, store.first + int(order[0]))
         return True
-
-    def _read_whole(self, needed: set[Node]) -> set[Node]:
-        """Nodes that are read as tables."""
-        return {
-            node
-            for reader in needed
-            for operand in (reader.operands[1:] if reader.operation == "gather" else ())
-            + (reader.operands if reader.operation == "argsort" else ())
-            if (node := operand.node) is not None
-        } | {node for node in needed if node.operation == "argsort"}
 
     def scratch_for(self, kind: type, size: int) -> Store:
         """Room for so many numbers of a kind."""
@@ -263,3 +255,14 @@ def added(first: int, place: str) -> str:
     if place.isdigit():
         return str(first + int(place))
     return f"{first} + {place}" if first else place
+
+
+def letter_of(dtype: npt.DTypeLike) -> str:
+    """Where numbers of a type are kept."""
+    return {"f": "f", "b": "b"}.get(np.dtype(dtype).kind, "i")
+
+
+def types_kept(dtype: npt.DTypeLike) -> dict[str, np.dtype[Any]]:
+    """By letter, the types of numbers where floating ones are of this type."""
+    kinds = (dtype, np.int64, np.bool_)
+    return {letter: np.dtype(kind) for letter, kind in zip(LETTERS, kinds, strict=True)}

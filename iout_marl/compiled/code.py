@@ -3,7 +3,7 @@
 A step of a tile of environments is a sequence of blocks. A block is a loop over all numbers of
 arrays of one shape, and inside of it one over the environments of the tile, its lanes: what is done
 to a number is done to that of all lanes, which lie side by side, by vector instructions. So the
-source does not grow with nodes or AUVs.
+source does not grow with nodes.
 """
 
 from __future__ import annotations
@@ -22,16 +22,18 @@ from iout_marl.compiled.blocks import (
     Statement,
     Store,
     added,
+    letter_of,
     natural,
     present,
+    types_kept,
 )
 from iout_marl.compiled.graph import Graph, Operand, Places
 
 #: How a number is added to a result, and what this begins with, by kind.
 _REDUCTIONS: dict[str, tuple[str, dict[type, str]]] = {
     "sum": ("{0} + {1}", {int: "0", float: "{zero}"}),
-    "max": ("larger({1}, {0})", {int: str(-(2**62)), float: "{least}"}),
-    "min": ("smaller({1}, {0})", {int: str(2**62), float: "{most}"}),
+    "max": ("larger({1}, {0})", {bool: "False", int: str(-(2**62)), float: "{least}"}),
+    "min": ("smaller({1}, {0})", {bool: "True", int: str(2**62), float: "{most}"}),
     "any": ("{0} | {1}", {bool: "False"}),
     "all": ("{0} & {1}", {bool: "True"}),
     "argmax": ("", {int: "0"}),
@@ -84,8 +86,7 @@ class Code:
         written: Sequence[tuple[Operand, Store]],
     ) -> None:
         self._graph = graph
-        dtypes = {"f": graph.dtype, "i": np.dtype(np.int64), "b": np.dtype(np.bool_)}
-        self.tables = {letter: Tables(dtype) for letter, dtype in dtypes.items()}
+        self.tables = {letter: Tables(dtype) for letter, dtype in types_kept(graph.dtype).items()}
         self._schedule = Schedule(given, written)
         self.scratch = self._schedule.scratch
         blocks = self._schedule.blocks
@@ -142,7 +143,7 @@ class Code:
 
     def _number(self, values: npt.NDArray[Any], place: str) -> str:
         """One of known numbers, by its place."""
-        letter = _letter_of(values)
+        letter = letter_of(values.dtype)
         return f"get(table_{letter}, {added(self.tables[letter].place(values), place)})"
 
     def _reduce(self, statement: Statement, loop: _Loop) -> None:
@@ -163,8 +164,8 @@ class Code:
         name = f"best_v{node.number}"
         loop.inside += [
             f"{name} = {_get(best, outer)}",
-            _put(store, outer, f"select({value} > {name}, {turn}, {sofar})"),
-            _put(best, outer, f"larger({value}, {name})"),
+            _put(store, outer, f"select(after({value}, {name}), {turn}, {sofar})"),
+            _put(best, outer, f"select(after({value}, {name}), {value}, {name})"),
         ]
 
     def _sorted(self, statement: Statement, loop: _Loop) -> None:
@@ -190,7 +191,7 @@ class Code:
             f"for j in range({count}):",
             f"    {name} = {value('j')}",
             "    k = j",
-            f"    while k > 0 and {value(held)} > {name}:",
+            f"    while k > 0 and after({value(held)}, {name}):",
             f"        {_put(own, f'{row} + k', held)}",
             "        k -= 1",
             f"    {_put(own, f'{row} + k', 'j')}",
@@ -288,10 +289,6 @@ def _turn(space: Space) -> str:
     place = _place_in(natural(space), space)
     assert place is not None
     return place
-
-
-def _letter_of(values: npt.NDArray[Any]) -> str:
-    return {"f": "f", "b": "b"}.get(values.dtype.kind, "i")
 
 
 def _place_in(places: Places, space: Space) -> str | None:

@@ -209,7 +209,8 @@ class Function:
             case ast.BinOp(left=left, op=operation, right=right):
                 return self._operated(type(operation), self._value(left), self._value(right))
             case ast.Compare(left=left, ops=[comparison], comparators=[right]):
-                return self._compared(_COMPARED[type(comparison)], left, right)
+                word = _COMPARED[type(comparison)]
+                return self._compared(word, self._value(left), self._value(right))
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 value = self._value(operand)
                 is_real = isinstance(value.type, _REALS)
@@ -232,13 +233,17 @@ class Function:
         name = of_reals if isinstance(left.type, _REALS) else of_others
         return getattr(self._builder, str(name))(left, right)
 
-    def _compared(self, comparison: str, left: ast.expr, right: ast.expr) -> Any:
-        one, other = self._value(left), self._value(right)
+    def _compared(self, comparison: str, one: Any, other: Any) -> Any:
+        if one.type == _FLAG:
+            return self._builder.icmp_unsigned(comparison, one, other)
         if not isinstance(one.type, _REALS):
             return self._builder.icmp_signed(comparison, one, other)
         if comparison == "!=":
             return self._builder.fcmp_unordered(comparison, one, other)
         return self._builder.fcmp_ordered(comparison, one, other)
+
+    def _is_nan(self, value: Any) -> Any:
+        return self._builder.fcmp_unordered("uno", value, value)
 
     # Functions that source may call.
 
@@ -252,10 +257,20 @@ class Function:
         return self._of_two("<", one, other)
 
     def _of_two(self, comparison: str, one: Any, other: Any) -> Any:
-        """The first where it compares so with the second, else this."""
-        is_real = isinstance(one.type, _REALS)
-        compare = self._builder.fcmp_ordered if is_real else self._builder.icmp_signed
-        return self._builder.select(compare(comparison, one, other), one, other)
+        """The first where it compares so with the second, else this; NaN if one of them is."""
+        is_first = self._compared(comparison, one, other)
+        if isinstance(one.type, _REALS):
+            is_first = self._builder.or_(is_first, self._is_nan(one))
+        return self._builder.select(is_first, one, other)
+
+    def call_after(self, one: Any, other: Any) -> Any:
+        """Whether the first comes after the second in their order, in which NaN is the last."""
+        is_after = self._compared(">", one, other)
+        if isinstance(one.type, _REALS):
+            number = self._builder.fcmp_ordered("ord", other, other)
+            nan = self._builder.and_(self._is_nan(one), number)
+            is_after = self._builder.or_(is_after, nan)
+        return is_after
 
     def call_real(self, value: Any) -> Any:
         is_real = isinstance(value.type, _REALS)

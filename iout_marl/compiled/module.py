@@ -21,32 +21,25 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
+from iout_marl.compiled.blocks import LETTERS, types_kept
 from iout_marl.compiled.code import Code
 
 #: Arrays of a compiled slot, by letter of their type, after the number of environments and the
 #: width of columns; chance and tables do not change.
 _ARRAYS = {
-    "in_f": "f",
-    "in_i": "i",
-    "kept_f": "f",
-    "kept_i": "i",
+    **{f"in_{letter}": letter for letter in "fi"},
+    **{f"kept_{letter}": letter for letter in "fi"},
     "action": "i",
     **dict.fromkeys(("fading", "wind", "current", "arrival"), "f"),
-    "table_f": "f",
-    "table_i": "i",
-    "table_b": "b",
-    "out_f": "f",
-    "out_i": "i",
-    "out_b": "b",
+    **{f"table_{letter}": letter for letter in LETTERS},
+    **{f"out_{letter}": letter for letter in LETTERS},
     "seen": "o",
     "mask": "b",
-    "scratch_f": "f",
-    "scratch_i": "i",
-    "scratch_b": "b",
+    **{f"scratch_{letter}": letter for letter in LETTERS},
 }
 _NUMBERS = ("num_envs", "width")
 #: How many environments are played together, and how much memory what is kept of them may take:
-#: what the second cache has room for (`benchmarks/compiled.py`).
+#: half of what the second cache has room for.
 _TILES, _TILE_BYTES = (8, 16, 32, 64, 128), 512 * 1024
 #: For how long code is kept that nothing uses.
 _KEPT_S = 60 * 86400.0
@@ -86,7 +79,7 @@ def module_of(code: Code, dtype: str, observed: str) -> Module:
         dtype: floating type.
         observed: that of observations.
     """
-    types = {"f": dtype, "i": "int64", "b": "bool", "o": observed}
+    types = {letter: kind.name for letter, kind in types_kept(dtype).items()} | {"o": observed}
     sizes = [(types[letter], size) for letter, size in code.scratch.items()]
     lane_bytes = sum(np.dtype(kind).itemsize * size for kind, size in sizes)
     fitting = (lanes for lanes in _TILES if lanes * lane_bytes <= _TILE_BYTES)
@@ -130,6 +123,7 @@ def address_of(array: npt.NDArray[Any]) -> int | None:
     try:
         return ctypes.addressof(ctypes.c_char.from_buffer(cast(Any, array)))
     except TypeError:  # it may not be written
+        assert array.flags.c_contiguous
         return array.ctypes.data
 
 
@@ -162,7 +156,7 @@ def _path(module: Module) -> Path | None:
     if folder is None:
         return None
     translator = Path(llvm.__file__).read_text(encoding="utf-8")
-    parts = (repr(module), llvmlite.__version__, llvm.processor(), translator)
+    parts = (repr((_NUMBERS, module)), llvmlite.__version__, llvm.processor(), translator)
     digest = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
     return folder / f"slot_{digest}.o"
 
@@ -201,7 +195,7 @@ def _read(path: Path) -> bytes | None:
 def _write(path: Path, code: bytes) -> None:
     """Keep code in a file after its digest, if it can be written."""
     with contextlib.suppress(OSError):
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+        handle, name = tempfile.mkstemp(prefix="slot_", suffix=".tmp", dir=path.parent)
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(hashlib.sha256(code).digest() + code)

@@ -1,7 +1,7 @@
-"""A slot of a batch of environments, compiled: step, reward, observation and mask in one loop.
+"""A slot of a batch of environments, compiled: step, reward, observation and mask in one function.
 
 NumPy makes an array of every intermediate result of all environments; here those of a few
-environments at a time stay in the nearest cache, and what is done to one is done to several by one
+environments at a time stay in the cache, and what is done to one is done to several by one
 instruction. The world itself is run on arrays that write down what is done to them (`GraphArray`),
 so that it is the same world, rule by rule and digit by digit. `benchmarks/compiled.py` measures
 what it gains.
@@ -17,12 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from iout_marl.compiled.arrays import GraphArray, GraphLibrary
-from iout_marl.compiled.blocks import Store
+from iout_marl.compiled.blocks import LETTERS, Store, letter_of, types_kept
 from iout_marl.compiled.code import Code
 from iout_marl.compiled.module import address_of, compiled_function, is_kept, module_of
 from iout_marl.core.chance import Chance, shape_of
 from iout_marl.core.limits import unheard
 from iout_marl.core.state import Events, State
+from iout_marl.errors import InputError
 from iout_marl.metrics import Metric
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
@@ -68,11 +69,11 @@ class _Layout:
     """Arrays one after the other in columns of floats, integers and flags."""
 
     def __init__(self, arrays: Mapping[str, Any], dtype: npt.DTypeLike) -> None:
-        self.dtypes = {"f": np.dtype(dtype), "i": np.dtype(np.int64), "b": np.dtype(np.bool_)}
+        self._dtypes = types_kept(dtype)
         self.fields: dict[str, _Field] = {}
-        self.sizes = dict.fromkeys("fib", 0)
+        self.sizes = dict.fromkeys(LETTERS, 0)
         for name, array in arrays.items():
-            letter = {"f": "f", "b": "b"}.get(array.dtype.kind, "i")
+            letter = letter_of(array.dtype)
             shape = tuple(array.shape[1:])
             self.fields[name] = _Field(letter, self.sizes[letter], shape)
             self.sizes[letter] += math.prod(shape)
@@ -81,7 +82,7 @@ class _Layout:
         """Columns by letter."""
         width = _width(num_envs)
         return {
-            letter: np.empty((size, width), self.dtypes[letter])
+            letter: np.empty((size, width), self._dtypes[letter])
             for letter, size in self.sizes.items()
         }
 
@@ -167,8 +168,10 @@ class CompiledSlot:
             if math.prod(place.shape)
         ]
         written.append((library.operand(observation), self._row("seen", observation)))
-        self._undrawn = [np.empty(0, dtype)] * len(Chance._fields)
-        self._action_shape = shape[1:]
+        #: Shapes of what is drawn for an environment, by name.
+        self._drawn_shapes = {name: each.shape[1:] for name, each in drawn.items() if each.size}
+        self._nothing = np.empty(0, dtype)
+        self._action_sizes = np.broadcast_to(np.array(world.action_sizes, np.uint64), shape)
         self._mask_shape: tuple[int, ...] = (0,)
         if with_mask:
             mask = world.action_mask(after)
@@ -184,9 +187,10 @@ class CompiledSlot:
         }
         code = Code(library.graph, given, written)
         self.is_exact = library.graph.is_exact
-        self._tables = [code.tables[letter].joined() for letter in "fib"]
+        self._tables = [code.tables[letter].joined() for letter in LETTERS]
         self._module = module_of(code, self._dtype.name, self._observed.name)
         self._function: Callable[..., None] | None = None
+        self._addresses: list[int | None] = []
 
     @property
     def is_kept(self) -> bool:
@@ -197,6 +201,10 @@ class CompiledSlot:
         """Make it ready to play, which takes seconds, or where it is kept less than one."""
         self._addresses = [address_of(table) for table in self._tables]
         self._function = compiled_function(self._module)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the function: its addresses are those of this one's tables."""
+        return vars(self) | {"_function": None, "_addresses": []}
 
     @staticmethod
     def _row(name: str, array: Array) -> Store:
@@ -220,7 +228,11 @@ class CompiledSlot:
         Args:
             columns: the state before it.
             action: as for `World.step`.
-            chance: as for `World.step`.
+            chance: as for `World.step`, and drawn.
+
+        Raises:
+            IndexError: an action that there is not.
+            InputError: chance of another shape.
         """
         if self._function is None:
             self.compile()
@@ -231,8 +243,8 @@ class CompiledSlot:
         mask = np.empty((num_envs, *self._mask_shape), np.bool_)
         # Arrays have names here, so that they live as long as the function needs them.
         given = [columns.made["f"], columns.made["i"], columns.kept["f"], columns.kept["i"]]
-        action = np.ascontiguousarray(action, np.int64).reshape(num_envs, *self._action_shape)
-        drawn = self._drawn(chance)
+        action = self._checked(action, num_envs)
+        drawn = self._drawn(chance, num_envs)
         self._function(
             num_envs,
             _width(num_envs),
@@ -245,10 +257,28 @@ class CompiledSlot:
         after = columns._replace(made=made)
         return Played(after, reward, terms, seen, mask)
 
-    def _drawn(self, chance: Chance | None) -> list[npt.NDArray[Any]]:
-        if chance is None:
-            return self._undrawn
-        return [np.ascontiguousarray(numbers, self._dtype) for numbers in chance]
+    def _checked(self, action: npt.NDArray[np.int64], num_envs: int) -> npt.NDArray[np.int64]:
+        """Actions, contiguous: the function would read what is behind its tables for any other."""
+        sizes = self._action_sizes
+        if len(sizes) != num_envs:
+            sizes = np.broadcast_to(sizes[:1], (num_envs, *sizes.shape[1:])).copy()
+            self._action_sizes = sizes  # kept, for it takes longer to broadcast than to compare
+        action = np.ascontiguousarray(action, np.int64).reshape(sizes.shape)
+        if not (action.view(np.uint64) < sizes).all():  # which negative ones are not
+            raise IndexError("an action is none of those that there are")
+        return action
+
+    def _drawn(self, chance: Chance | None, num_envs: int) -> list[npt.NDArray[Any]]:
+        found = dict.fromkeys(Chance._fields, self._nothing)
+        for name, shape in self._drawn_shapes.items():
+            numbers = None if chance is None else getattr(chance, name)
+            if numbers is None or numbers.shape != (num_envs, *shape):
+                raise InputError(
+                    f"chance: a compiled slot takes {name} of shape {(num_envs, *shape)} that was "
+                    f"drawn, not {'None' if numbers is None else numbers.shape}"
+                )
+            found[name] = np.ascontiguousarray(numbers, self._dtype)
+        return list(found.values())
 
     def state(self, columns: Columns) -> State:
         """The state of these columns, whose arrays are views of them."""

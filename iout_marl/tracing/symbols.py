@@ -258,7 +258,8 @@ def _index_add(values: Any, axis: int, index: SymbolArray, amount: SymbolArray) 
     return SymbolArray(result, kind_of(values))
 
 
-def _argsort(values: SymbolArray, axis: int = -1) -> SymbolArray:
+def _argsort(values: SymbolArray, axis: int = -1, *, stable: bool = True) -> SymbolArray:  # noqa: ARG001
+    """Always stable."""
     rows = np.moveaxis(values.values, axis, -1)
     orders = np.empty(rows.shape, dtype=object)
     for row in np.ndindex(rows.shape[:-1]):

@@ -1,5 +1,6 @@
 """What source of compiled slots says means what it means in Python."""
 
+import itertools
 import math
 
 import numpy as np
@@ -8,6 +9,9 @@ import pytest
 pytest.importorskip("llvmlite")
 
 from iout_marl.compiled import llvm, module
+from iout_marl.compiled.arrays import GraphLibrary
+from iout_marl.compiled.blocks import Store
+from iout_marl.compiled.code import Code
 
 #: Floating numbers, and whole ones, of which all pairs are tried.
 REALS = [0.0, -0.0, 1.5, -2.25, 3e-300, math.inf, -math.inf, math.nan]
@@ -16,8 +20,9 @@ WORDS = {
     "ZERO": 0.0,
     "ONE": 1.0,
     "select": lambda flag, one, other: one if flag else other,
-    "larger": lambda one, other: max(other, one),
-    "smaller": lambda one, other: min(other, one),
+    "larger": lambda one, other: one if one > other or one != one else other,
+    "smaller": lambda one, other: one if one < other or one != one else other,
+    "after": lambda one, other: one > other or (one != one and other == other),
     "sqrt": np.sqrt,
     "expm1": np.expm1,
     "real": float,
@@ -58,7 +63,17 @@ def of_all_pairs(expression, values, result, dtype):
     ],
 )
 def test_floating_numbers(expression, dtype):
-    np.testing.assert_array_equal(*of_all_pairs(expression, REALS, dtype, dtype))
+    found, expected = of_all_pairs(expression, REALS, dtype, dtype)
+    np.testing.assert_array_equal(found, expected)
+    signed = ~np.isnan(expected)
+    np.testing.assert_array_equal(np.signbit(found)[signed], np.signbit(expected)[signed])
+
+
+def test_what_is_no_number_is_as_in_numpy():
+    for word, ufunc in (("larger", np.maximum), ("smaller", np.minimum)):
+        found, _ = of_all_pairs(f"{word}(a, b)", REALS, "float64", "float64")
+        pairs = np.array([(a, b) for a in REALS for b in REALS])
+        np.testing.assert_array_equal(found, ufunc(pairs[:, 0], pairs[:, 1]))
 
 
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
@@ -70,7 +85,12 @@ def test_exponentials(dtype):
 @pytest.mark.parametrize("compare", ["<", "<=", ">", ">=", "==", "!="])
 @pytest.mark.parametrize(("values", "dtype"), [(REALS, "float64"), (WHOLE, "int64")])
 def test_comparisons(compare, values, dtype):
-    for expression in (f"a {compare} b", f"not a {compare} b", f"(a {compare} b) & (b > a)"):
+    for expression in (
+        "after(a, b)",
+        f"a {compare} b",
+        f"not a {compare} b",
+        f"(a {compare} b) & (b > a)",
+    ):
         np.testing.assert_array_equal(*of_all_pairs(expression, values, "bool", dtype))
 
 
@@ -132,6 +152,28 @@ def test_a_loop_within_lanes():
     np.testing.assert_array_equal(order, np.argsort(values, axis=1, kind="stable"))
 
 
+@pytest.mark.parametrize("operation", ["max", "min", "argmax", "argsort"])
+def test_what_is_no_number_in_rows(operation):
+    """Of a graph, by way of `Code`, as NumPy does it."""
+    rows = np.array(list(itertools.product([0.0, 2.0, -math.inf, math.nan], repeat=4)))
+    library = GraphLibrary()
+    made = getattr(library, operation)(library.parameter("rows", rows[:1]), axis=-1)
+    letter = "i" if operation.startswith("arg") else "f"
+    given = {"rows": Store("in_f", 0)}
+    code = Code(library.graph, given, [(library.operand(made), Store(f"out_{letter}", 0))])
+    compiled = module.module_of(code, "float64", "float64")
+    arrays = {name: np.zeros(0, kind) for name, kind in compiled.arrays[: -len("fib")]}
+    width = len(rows)
+    out = np.zeros((4, width), np.int64 if letter == "i" else np.float64)
+    arrays |= {"in_f": np.ascontiguousarray(rows.T), f"out_{letter}": out}
+    arrays |= {f"table_{each}": code.tables[each].joined() for each in "fib"}
+    module.compiled_function(compiled)(width, width, *map(module.address_of, arrays.values()))
+    kind = {"kind": "stable"} if operation == "argsort" else {}
+    expected = getattr(np, operation)(rows, axis=-1, **kind)
+    found = out.T if operation == "argsort" else out[0]
+    np.testing.assert_array_equal(found, expected)
+
+
 def test_an_array_that_nobody_may_write():
     given, found = np.arange(3.0), np.zeros(1)
     given.flags.writeable = False
@@ -155,8 +197,22 @@ def test_what_it_does_not_know_is_refused(line, error):
         llvm.Function(line, {"a": "float64"}, (), {}, "float64")
 
 
+def optimised(lines, **arrays):
+    text = llvm.Function(lines, arrays, ("num_envs",), {}, "float64").text()
+    return llvm.optimised(text)
+
+
 def test_lanes_are_played_several_at_a_time():
     """What makes it worth it: LLVM believes that turns have nothing to do with one another."""
-    lines = "for lane in range(num_envs):\n    put(b, lane + num_envs, get(b, lane) * get(a, lane))"
-    text = llvm.Function(lines, {"a": "float64", "b": "float64"}, ("num_envs",), {}, "float64")
-    assert "fmul <" in llvm.optimised(text.text())
+    lines = "for {} in range(num_envs):\n    put(b, get(c, {}) * 8 + {}, get(b, {}) * get(a, {}))"
+    arrays = {"a": "float64", "b": "float64", "c": "int64"}
+    assert "fmul <" in optimised(lines.replace("{}", "lane"), **arrays)
+    assert "fmul <" not in optimised(lines.replace("{}", "i0"), **arrays)
+
+
+def test_arrays_have_no_memory_in_common():
+    """LLVM need not look for it."""
+    lines = "for i0 in range(num_envs):\n    put({}, i0 + 3, get(a, i0) * ONE)"
+    arrays = {"a": "float64", "b": "float64"}
+    assert "memcheck" not in optimised(lines.format("b"), **arrays)
+    assert "fmul <" in optimised(lines.format("b").replace("* ONE", "* get(a, i0)"), **arrays)

@@ -48,6 +48,17 @@ def slots(world, seed=0):
         yield before, action, events, state
 
 
+@pytest.mark.parametrize("library", [np, torch])
+def test_of_auvs_in_one_cell_each_sees_the_others(library):
+    entries = {"observation.entries": ["batteries"], "auvs.separation_cells": 0}
+    world = make("fdd-team", num_envs=1, changes=entries, library=library)
+    state, shares = world.reset(seed=0), [0.5, 0.25, 0.125]
+    battery_j = world.backend.floats([shares]) * world.vehicle.capacity_j
+    together = state._replace(cell=state.cell * 0 + state.cell[:, :1], battery_j=battery_j)
+    seen = np.asarray(world.observe(together))[0, :, -2:]
+    np.testing.assert_allclose(seen, [[0.25, 0.125], [0.5, 0.125], [0.5, 0.25]])
+
+
 def test_a_dock_fills_a_battery_up_and_no_further():
     world = make("fdd", {**DOCKS, "capacity_j": 125_000.3}, num_envs=5000, changes=HOVER)
     battery_j = np.random.default_rng(0).uniform(0.1, 1, (5000, 1)) * world.vehicle.capacity_j

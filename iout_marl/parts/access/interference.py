@@ -13,7 +13,7 @@ from iout_marl.core.reasons import CHARGING_NOISE, INTERFERENCE, Reason
 from iout_marl.core.split import Split
 from iout_marl.parts.access.base import Access, Floats, Request, Uplinks, access_rules
 from iout_marl.parts.base import Context
-from iout_marl.physics.arrays import Array
+from iout_marl.physics.arrays import Array, rounds_otherwise
 
 #: Up to which NumPy eliminates as fast as it solves, in batches of hundreds of systems or more.
 _FEW_ROWS = 4
@@ -147,6 +147,8 @@ def positive_solution(xp: Any, matrix: Array, right: Array) -> tuple[Array, Arra
         matrix = np.where(singular[..., None, None], np.eye(matrix.shape[-1]), matrix)
         solution = np.linalg.solve(matrix, right[..., None])[..., 0]
         return solution, ((solution > 0).all(-1) & ~singular)[..., None]
+    if matrix.shape[-1] > _FEW_ROWS:
+        rounds_otherwise(xp)
 
     def divisor(pivot: Array) -> Array:
         return xp.where(pivot > 0, pivot, xp.ones_like(pivot))

@@ -31,6 +31,7 @@ class OtherAuvs(Entry):
     def setup(self, world: Context) -> None:
         super().setup(world)
         self._nearness = world.backend.integers(_nearness(world.grid))
+        self._own = world.backend.integers(np.eye(world.scenario.num_auvs))
 
     @property
     def size(self) -> int:
@@ -46,11 +47,9 @@ class OtherAuvs(Entry):
         (envs, auvs, auvs − 1).
         """
         xp, link, (num_envs, num_auvs) = self.xp, self.world.link, cell.shape
-        order = xp.argsort(
-            link.at(self._nearness, link.grid_offset(cell[:, None, :], cell[:, :, None])),
-            axis=-1,
-        )[..., 1:]
-        # Of AUVs in one cell any may come first: they look alike.
+        nearness = link.at(self._nearness, link.grid_offset(cell[:, None, :], cell[:, :, None]))
+        # Each comes before those in its cell, and of these the one of lower number.
+        order = xp.argsort(nearness - self._own, axis=-1, stable=True)[..., 1:]
         first = xp.arange(0, num_envs * num_auvs, num_auvs, device=cell.device)
         return first[:, None, None] + order
 

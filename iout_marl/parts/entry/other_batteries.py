@@ -14,7 +14,7 @@ from iout_marl.scenario.fields import invalid
 class Batteries(OtherAuvs):
     """The share of its battery that each other AUV has left, in the order of `other_auvs`.
 
-    Of AUVs in one cell any may come first.
+    Of AUVs in one cell, that of lower number comes first.
     """
 
     unit = ""
