@@ -78,7 +78,8 @@ def test_the_figures_of_speed():
     others = [seconds for name, seconds in medians.items() if name != "this trainer"]
     assert medians["this trainer"] == float(ours)
     assert np.min(others) == float(theirs)
-    count, slots = re.search(r"([\d,]+) environments play ([\d,]+) slots", text).groups()
-    assert re.search(
-        rf"^World x {count.replace(',', '')}, NumPy +{slots} ", BENCHMARKS, re.MULTILINE
-    )
+    count, *slots = re.search(
+        r"([\d,]+) environments play ([\d,]+) slots a second, compiled ([\d,]+) ", text
+    ).groups()
+    row = rf"^paper/k10-fdd, World x {count.replace(',', '')} +{slots[0]} +{slots[1]} "
+    assert re.search(row, BENCHMARKS, re.MULTILINE)
