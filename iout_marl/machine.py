@@ -21,14 +21,24 @@ def num_cores() -> int:
 
 def processor() -> str:
     """Name of the processor."""
+    return _said_by_linux("model name") or platform.processor() or platform.machine()
+
+
+def is_by_intel() -> bool:
+    """Whether the processor is one of Intel's."""
+    return "Intel" in (_said_by_linux("vendor_id") or platform.processor())
+
+
+def _said_by_linux(key: str) -> str:
+    """What Linux says of the processor; "" where it says nothing."""
     try:
         with Path("/proc/cpuinfo").open(encoding="ascii", errors="replace") as file:
             for line in file:
-                if line.startswith("model name"):
+                if line.startswith(key):
                     return line.partition(":")[2].strip()
     except OSError:
         pass
-    return platform.processor() or platform.machine()
+    return ""
 
 
 def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:

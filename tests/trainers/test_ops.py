@@ -6,6 +6,7 @@ import pytest
 import torch
 from torch import nn
 
+from iout_marl import machine
 from trainers import ops
 from trainers.networks import perceptron
 
@@ -41,6 +42,29 @@ def test_perceptron_and_its_gradients(lead, activation, sizes):
         results.append([output.detach(), *gradients])
     for ours, theirs in zip(*results, strict=True):
         torch.testing.assert_close(ours, theirs)
+
+
+@pytest.mark.parametrize("is_slow", [False, True])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_tanh_by_either_way(monkeypatch, dtype, is_slow):
+    monkeypatch.setattr(ops, "_has_slow_tanh", lambda: is_slow)
+    special = [0.0, 1e-30, -40.0, 3e38, torch.inf, -torch.inf, torch.nan]
+    values = torch.cat([torch.linspace(-12, 12, 10_001), torch.tensor(special)]).to(dtype)
+    expected = values.tanh()
+    found = ops.tanh_(values)
+    assert found is values
+    torch.testing.assert_close(
+        found, expected, atol=2 * torch.finfo(dtype).eps, rtol=0, equal_nan=True
+    )
+
+
+@pytest.mark.parametrize(
+    ("says", "is_by_intel"), [("GenuineIntel", True), ("AuthenticAMD", False), ("", False)]
+)
+def test_whose_processor_it_is(monkeypatch, says, is_by_intel):
+    monkeypatch.setattr(machine, "_said_by_linux", lambda _: says)
+    monkeypatch.setattr(machine.platform, "processor", lambda: "")
+    assert machine.is_by_intel() is is_by_intel
 
 
 def test_perceptron_leaves_its_inputs_as_they_are():
