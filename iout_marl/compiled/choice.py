@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 #: What says when: `auto`, `always` or `never`.
 VARIABLE = "IOUT_COMPILED"
 _WHENS = ("auto", "always", "never")
-#: Seconds that NumPy may have taken for slots before a slot is compiled, or read from where it is
-#: kept: about what that takes, so that it never costs more than twice the better of the two.
-COMPILE_AFTER_S, READ_AFTER_S = 2.0, 0.3
+#: Seconds that NumPy may have taken for slots before a slot is written down, and read where it is
+#: kept. It is compiled when they are as many as that will take. Either way what it costs is never
+#: more than twice the better of the two.
+READ_AFTER_S = 0.1
 
 
 def when() -> str:
@@ -106,7 +107,7 @@ class SlotChoice:
             if not slot.is_exact:
                 self._is_settled = True
                 return None
-            if self.seconds < COMPILE_AFTER_S and not self._is_kept:
+            if self.seconds < slot.seconds_to_compile and not self._is_kept:
                 return None
         slot.compile()
         self._is_settled, self._slot = True, slot

@@ -31,6 +31,8 @@ from iout_marl.world.world import World
 
 #: Fields of a state that are whole numbers as long as no packet counts in part.
 _WHOLE = ("age", "deliveries", "seen_age", "seen_slot", "others_age", "others_deliveries")
+#: Seconds to compile a line of source.
+_LINE_S = 2e-3
 #: What names of events and of terms begin with, beside those of the state.
 _EVENT, _TERM = "event ", "term "
 
@@ -197,8 +199,13 @@ class CompiledSlot:
         """Whether it was compiled before, and only needs to be read."""
         return is_kept(self._module)
 
+    @property
+    def seconds_to_compile(self) -> float:
+        """About how long it takes to compile it (`benchmarks/compiled.py`)."""
+        return _LINE_S * self._module.source.count("\n")
+
     def compile(self) -> None:
-        """Make it ready to play, which takes seconds, or where it is kept less than one."""
+        """Make it ready to play; where it is kept, that takes no time."""
         self._addresses = [address_of(table) for table in self._tables]
         self._function = compiled_function(self._module)
 

@@ -107,14 +107,15 @@ def test_numpy_plays_until_compiling_pays(monkeypatch, when):
 
     monkeypatch.setattr(CompiledSlot, "compile", compiles)
     monkeypatch.setattr(CompiledSlot, "is_kept", False)
+    monkeypatch.setattr(CompiledSlot, "seconds_to_compile", 2.0)
     slots = SlotChoice(load_scenario("paper/k3-fdd"))
-    for seconds, number in ((0.1, 0), (0.5, 0), (1.9, 0), (2.1, 1), (20.0, 1)):
+    for seconds, number in ((0.05, 0), (0.5, 0), (1.9, 0), (2.1, 1), (20.0, 1)):
         slots.seconds = seconds
         assert (slots.slot() is not None) == bool(number)
         assert len(compiled) == number
     monkeypatch.setattr(CompiledSlot, "is_kept", True)
     slots = SlotChoice(load_scenario("paper/k3-fdd"))
-    slots.seconds = 0.4
+    slots.seconds = 0.2
     assert slots.slot() is not None
 
 
@@ -163,3 +164,13 @@ def test_what_has_no_compiled_form_is_left_to_numpy(monkeypatch, when):
     with pytest.warns(RuntimeWarning, match="no compiled form of `cumulative_sum`"):
         assert slots.slot() is None
     assert slots.slot() is None
+
+
+@needs_llvm
+def test_larger_teams_are_known_to_take_longer():
+    seconds = [
+        CompiledSlot(load_scenario("multi/m3-k10-fdd", {"auvs.count": auvs})).seconds_to_compile
+        for auvs in (1, 2, 3)
+    ]
+    assert seconds == sorted(seconds)
+    assert 0.1 < seconds[0] < seconds[2] / 2
