@@ -156,6 +156,7 @@ def graph():
     return {name: imports(source, sources) - {(name, True)} for name, source in sources.items()}
 
 
+@pytest.mark.slow
 def test_no_module_imports_a_higher_layer(graph):
     assert upward(graph) - LATE == set()
 
@@ -193,6 +194,7 @@ def functions(source):
     return {node.name.lstrip("_") for node in found if isinstance(node, ast.FunctionDef)}
 
 
+@pytest.mark.slow
 def test_words_of_messages_and_tables_are_made_in_one_place():
     sources = modules()
     makers = {

@@ -20,6 +20,7 @@ def outlook(name="paper/k3-fdd", **changes):
         return energy_outlook(load_scenario(name, changes | allowed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", bundled_names())
 def test_of_bundled_scenarios_there_is_nothing_to_say(name):
     assert energy_outlook(load_scenario(name)) is None

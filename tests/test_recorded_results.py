@@ -23,6 +23,7 @@ def test_every_bundled_scenario_is_recorded():
     assert sorted(RECORDING["scenarios"]) == sorted(bundled_names())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_scenario_is_as_recorded(name):
     recorded, found = RECORDING["scenarios"][name], record_scenario(name)

@@ -8,6 +8,7 @@ from iout_marl import World, load_scenario
 from iout_marl.bounds import bound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
     ("duplex", "motion", "share", "slots"),

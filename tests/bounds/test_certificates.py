@@ -78,6 +78,7 @@ def test_what_is_no_whole_number_in_range_is_refused_by_name(name, value):
     assert name in refusal(verified_age_sum, scenario, by_hand)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [*NO_NUMBERS, 1e301, -1e-9, 10**400, np.float32(-1)], ids=str)
 @pytest.mark.parametrize("name", ["levels_j", "naming", "reach_m", "presence"])
 def test_what_is_no_number_in_range_is_refused_by_name(name, value):

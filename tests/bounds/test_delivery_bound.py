@@ -44,6 +44,7 @@ def test_one_uplink_a_slot_is_as_one_auv():
     assert delivery_bound(scenario(3, 5, 20)) < delivery_bound(exclusive)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper/k3-fdd", "paper/k5-tdd", "multi/m4-k10-fdd"])
 @pytest.mark.parametrize("policy", ["greedy", "round-robin", "random-walk"])
 def test_policies_stay_above_it(name, policy):

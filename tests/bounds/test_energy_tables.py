@@ -18,6 +18,7 @@ RULES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("ladder", [COARSE, FINE])
 @pytest.mark.parametrize(("duplex", "rule"), RULES)
@@ -33,6 +34,7 @@ def test_search_and_check_agree(duplex, rule, ladder, seed):
         np.testing.assert_array_equal(checked, table)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize(("duplex", "rule"), RULES)
 def test_the_world_is_never_richer_than_its_levels(duplex, rule, seed):

@@ -21,6 +21,7 @@ def test_table_of_bounds_and_policies(iout):
         assert row in out
 
 
+@pytest.mark.slow
 def test_json_has_bounds_gaps_and_certificate(iout, tmp_path):
     status, out, _ = iout("bound", "paper/k3-fdd", *SHORT, "--seconds", 1, "--json", "-")
     assert status == 0

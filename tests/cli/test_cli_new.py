@@ -100,6 +100,7 @@ def test_other_kinds_can_be_switched_on(base, tmp_path):
         assert scenario.num_nodes == load_scenario(base).num_nodes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", BASES)
 def test_training_settings_can_be_switched_on(base, tmp_path):
     text = text_of(base)
@@ -121,6 +122,7 @@ def test_it_is_written_and_trains(iout, tiny_settings, tmp_path):
     assert load_scenario("run/scenario.yaml").name == "mine"
 
 
+@pytest.mark.slow
 def test_it_begins_with_any_scenario(iout, tmp_path):
     (tmp_path / "deep").mkdir()
     family = "extends: paper/k7-tdd\nmatrix: {axes: {age.maximum: [7, 9]}}"

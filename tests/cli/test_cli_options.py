@@ -22,6 +22,7 @@ EVALUATE = ["evaluate", "paper/k3-fdd", "--policy", "greedy"]
 
 
 class TestNumbers:
+    @pytest.mark.slow
     @pytest.mark.parametrize("text", ["10", "1e1", "1E1", "10.0", "1_0", "+10", "0.1e2", " 10"])
     def test_that_are_whole(self, iout, text):
         status, out, _ = iout(*EVALUATE, "--episodes", text, "--seed", text, "--json", "-")

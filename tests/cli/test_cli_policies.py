@@ -148,6 +148,7 @@ class TestSampled:
 
 
 class TestSearch:
+    @pytest.mark.slow
     def test_is_no_worse(self, iout, tmp_path):
         target = tmp_path / "found.json"
         words = ["--policy", "pretrained", "--policy", "greedy", "--episodes", 1]
@@ -160,6 +161,7 @@ class TestSearch:
         assert found[1][0] < found[0][0]
         assert found[1][1] == found[0][1]
 
+    @pytest.mark.slow
     def test_is_named_in_the_episode_that_is_kept(self, iout, tmp_path):
         target = tmp_path / "episode.json"
         words = ["--policy", "pretrained", "--mirrored", "--save-episode", target]

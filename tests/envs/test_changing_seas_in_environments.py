@@ -15,6 +15,7 @@ SHORT = {"episode.duration_s": 250}
 TEAM = {**POLLED, **TWO, **SHORT}
 
 
+@pytest.mark.slow
 def test_the_parallel_environment_keeps_its_promises():
     testing.check_parallel_env(
         lambda: iout_v0.parallel_env("paper/k3-fdd", overrides=TEAM), seeds=(0, 7)

@@ -439,6 +439,7 @@ def test_a_checked_step_refuses_another_worlds_state_and_the_end():
 SIZES = list(itertools.product([1, 2], repeat=3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES, ids=str)
 @pytest.mark.parametrize("motion", ["six", "hover"])
 @pytest.mark.parametrize("duplex", ["fdd", "tdd"])

@@ -190,6 +190,7 @@ def test_state_is_what_all_auvs_see_and_more(auvs):
 # Infos ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_infos_have_the_same_numeric_keys_from_reset_on(case):
     env = iout_v0.parallel_env(case_scenario(case))

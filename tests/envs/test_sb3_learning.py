@@ -59,6 +59,7 @@ def test_vec_frame_stack_begins_anew_with_the_episode():
     assert infos[0]["terminal_observation"][:entries].any()
 
 
+@pytest.mark.slow
 def test_statistics_reach_evaluation_and_its_callback(tmp_path):
     world = scenario(auvs=3)
     vec_env = sb3_vec_env(world, 2)

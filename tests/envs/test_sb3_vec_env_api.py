@@ -53,6 +53,7 @@ def test_attributes_and_methods_of_slots_are_reached(wrap):
     vec_env.close()
 
 
+@pytest.mark.slow
 @each_case
 def test_what_is_handed_out_lies_in_its_space_and_is_of_its_type(case):
     vec_env = sb3_vec_env(case_scenario(case), 2)
@@ -138,6 +139,7 @@ def test_a_copy_goes_on_as_the_original_does(copied, slots):
     assert_equal(played(twin), played(vec_env), "what follows")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:You tried to call render:UserWarning")
 def test_pictures_are_of_the_worlds(capsys):
     world = scenario(auvs=3)

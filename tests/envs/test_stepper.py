@@ -9,6 +9,7 @@ from iout_marl.envs.stepper import ArrayStepper, TracedStepper
 from iout_marl.scenario import load_scenario
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mask", ["none", "info"])
 @pytest.mark.parametrize("name", ["paper/k5-fdd", "best/k5-tdd", "multi/m3-k10-fdd"])
 def test_number_by_number_is_as_by_arrays(name, mask):

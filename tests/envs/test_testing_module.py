@@ -24,6 +24,7 @@ def test_environment_passes(case):
     testing.check_parallel_env(lambda: iout_v0.parallel_env(world), seeds=(0,))
 
 
+@pytest.mark.slow
 def test_environment_passes_by_every_default_seed():
     assert 0 in testing.SEEDS
     testing.check_parallel_env(lambda: iout_v0.parallel_env(WORLD))
@@ -351,6 +352,7 @@ class KeepsTheLastReward(AUVParallelEnv):
         return returned
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("broken", "message"),
     [
@@ -487,6 +489,7 @@ class ReusesTheState(AUVParallelEnv):
         return self.buffer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("broken", [ReusesArrays, ReusesDictionaries, ReusesInfos, ReusesTheState])
 def test_change_of_what_was_handed_out_is_found(broken):
     must_fail(
@@ -561,6 +564,7 @@ class HandsOutItsAgents(AUVParallelEnv):
         return self.known, infos
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("broken", "message"),
     [
@@ -612,6 +616,7 @@ class CanNotBePickled(AUVParallelEnv):
         self.hook = lambda: None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("broken", "message"),
     [

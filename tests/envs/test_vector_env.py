@@ -36,6 +36,7 @@ def test_batched_environment_does_what_gymnasium_does_with_single_ones(case):
     check_vector_env(lambda: AUVVectorEnv(world, 3), lambda: AUVEnv(world), seeds=(7,))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duplex", ["fdd", "tdd"])
 def test_environment_i_is_the_single_one_seeded_so_over_two_episodes_of_the_paper(duplex):
     changes = {"nodes": {"kind": "random", "count": 5}, "observation.node_positions": True}
@@ -195,6 +196,7 @@ def test_render_shows_every_environment(capsys):
 MODES = pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode.name)
 
 
+@pytest.mark.slow
 @MODES
 @pytest.mark.parametrize("case", ["fdd-1-fixed-none", "tdd-3-episode-info", "fdd-3-run-none"])
 def test_every_autoreset_mode_is_gymnasiums(mode, case):
@@ -207,6 +209,7 @@ def test_every_autoreset_mode_is_gymnasiums(mode, case):
     )
 
 
+@pytest.mark.slow
 @MODES
 @pytest.mark.parametrize("mask", ["none", "info", "observation"])
 def test_every_autoreset_mode_with_masks(mode, mask):

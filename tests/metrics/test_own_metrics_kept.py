@@ -82,6 +82,7 @@ class TestTraining:
         go(folder, {**MID_EPISODE, "training.steps": 52})
         return torch.load(folder / "checkpoint.pt", weights_only=True)["trainer"]["collector"]
 
+    @pytest.mark.slow
     def test_resumed_in_mid_episode_goes_on_as_if_it_had_not_stopped(self, own, go, tmp_path):
         sums = self.stopped(go, tmp_path / "stopped")["sums"]
         assert set(sums) == {"failed", "drained_j"}

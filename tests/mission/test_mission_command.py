@@ -136,6 +136,7 @@ def test_the_library_is_asked_for_before_anything_is_played(refused, monkeypatch
     assert not Path("m").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [f.name for f in FORMATS.values() if not f.has_times])
 def test_arrivals_that_would_not_hold_are_refused(name, tmp_path):
     """A thousand kilometres from the origin straight lines of the grid are longer on Earth."""

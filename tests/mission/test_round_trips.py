@@ -93,6 +93,7 @@ def plane(mission, points):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FORMATS)
 def test_vehicles_are_where_and_when_they_were_in_the_episode(name, planned, tmp_path):
     if name == "imc":
@@ -123,6 +124,7 @@ def test_vehicles_are_where_and_when_they_were_in_the_episode(name, planned, tmp
         assert error_m <= (0.1 if chosen.has_times else mission.speed_m_per_s)
 
 
+@pytest.mark.slow
 def test_actions_are_those_of_the_episode(planned, tmp_path):
     mission, paths = planned
     write_mission(mission, [format_named("csv")], tmp_path)
@@ -143,6 +145,7 @@ def test_actions_are_those_of_the_episode(planned, tmp_path):
         assert math.dist(place[1:], east_north(mission, cell)) < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "policy", "changes"),
     [
@@ -306,6 +309,7 @@ def test_a_recording_is_no_mission_in_another_grid_or_time(key, other):
         Mission.from_recording(episode, load_scenario(name, changes), START)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [START, START + timedelta(microseconds=123_600)], ids=str)
 @pytest.mark.parametrize("seconds", [0.0, 0.0019, 28.4615, 28.4616, 0.0045, 3599.9996])
 def test_moments_are_rounded_as_seconds_are(seconds, start):

@@ -165,6 +165,7 @@ class Free(PaperRule):
         return split._replace(required_j=0.0 * split.required_j)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("registry", "part", "message"),
     [

@@ -61,6 +61,7 @@ def model(tmp_path, names=("uo", "vo"), axes=("time", "depth", "latitude", "long
 HYCOM = {"names": ("water_u", "water_v"), "axes": ("time", "depth", "lat", "lon")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [
@@ -187,6 +188,7 @@ MODELS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("message", MODELS)
 def test_netcdf_refused_in_a_line(tmp_path, message):
     file = model(tmp_path, **MODELS[message])

@@ -369,6 +369,7 @@ def test_who_is_polled_first(scenario_with, message, urgency):
         World(scenario)
 
 
+@pytest.mark.slow
 def test_a_hearing_part_from_outside_keeps_the_contracts(scenario_with):
     scenario = scenario_with(parts.hearings, Polling, overrides=MODEM, nodes_are_alike=False)
     assert scenario.hearing.part.uplinks_per_slot == 2
@@ -444,6 +445,7 @@ def test_splits(scenario_with, registry, message):
         World(scenario)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("message", "registry", "base", "members"),
     [

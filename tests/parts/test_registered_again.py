@@ -227,7 +227,7 @@ def played(scenario):
     return slots, masks, world.metrics(state), ranges, shown
 
 
-@pytest.mark.filterwarnings("ignore:tour and planner plan for")
+@pytest.mark.filterwarnings("ignore:searches .tour, planner")
 @every_pair_of_a_world
 def test_policies_and_plans(pairs, monkeypatch):
     for name, breadth in FEW.items():
@@ -281,7 +281,7 @@ def trained(scenario):
     return measured, {name: weight.numpy() for name, weight in trainer.weights().items()}
 
 
-@pytest.mark.filterwarnings("ignore:tour and planner plan for")
+@pytest.mark.filterwarnings("ignore:searches .tour, planner")
 @every_pair_of_a_world
 def test_reports(pairs, tmp_path):
     """Those of a study: but for the name and the hash."""

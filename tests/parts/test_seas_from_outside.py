@@ -85,6 +85,7 @@ def changed(base, **attributes):
     return type("Mine", (base,), attributes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "message"),
     [

@@ -127,6 +127,7 @@ def test_single_precision_is_kept(xp, name):
     np.testing.assert_allclose(numbers(result), by_numpy(name), rtol=1e-3, atol=1e-6)
 
 
+@pytest.mark.slow
 @each_library
 @pytest.mark.parametrize(("name", "index"), ARGUMENTS)
 def test_one_array_among_numbers_decides_library_and_dtype(xp, name, index):
@@ -139,6 +140,7 @@ def test_one_array_among_numbers_decides_library_and_dtype(xp, name, index):
     assert result.shape == (len(values[index]),)
 
 
+@pytest.mark.slow
 @each_library
 @each_function
 def test_arguments_broadcast(xp, name):

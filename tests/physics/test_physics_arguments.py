@@ -186,6 +186,7 @@ def test_what_lies_outside_a_domain_is_refused_by_name_and_value(name, argument,
     assert message.endswith(f": it is {value:g}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "argument"), ARGUMENTS)
 def test_what_is_no_number_is_refused_by_name(name, argument):
     for value in NO_NUMBERS:
@@ -252,6 +253,7 @@ def test_numbers_of_which_nothing_comes_are_refused(name, arguments, library):
     assert extreme[-1] in message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_gradients_go_through_without_a_warning(name, dtype):

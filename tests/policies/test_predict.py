@@ -196,6 +196,7 @@ def test_policy_by_the_state_of_the_world(way, mask, policy, world):
     assert_as_evaluated(way(scenario, asked.predict), scenario, policy)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", [w for w in WAYS if w is not agent_by_agent])
 def test_sampled_actions_follow_the_environments_seed(way, world, trained):
     scenario = world()
@@ -299,6 +300,7 @@ class TestRefused:
     def policy(self, world, trained):
         return trained(world(2))
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("observation", "expected"),
         [
@@ -357,6 +359,7 @@ class TestRefused:
             bare.predict(np.zeros(17))
 
 
+@pytest.mark.slow
 def test_load_policy_reads_a_run(tmp_path, world):
     scenario = world(2)
     run = tmp_path / "run"

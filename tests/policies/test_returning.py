@@ -26,6 +26,7 @@ def scenario_of(case, **vehicle):
     return load_scenario(name, {**changes, "vehicle": {**BATTERY, **DOCK, **vehicle}})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_returns_in_time(case):
     vehicle = {"capacity_j": {"fdd": 2e6, "tdd": 2e6}.get(case, 1e6)}
@@ -37,6 +38,7 @@ def test_returns_in_time(case):
     assert found["uplink_success"].mean > 0.1
 
 
+@pytest.mark.slow
 def test_by_a_rule_that_charges_whom_it_hears_nobody_is_heard_on_the_way_back():
     changes = {
         "duplex": {"kind": "tdd", "frequency_khz": 30, "beta_rule": "airtime"},

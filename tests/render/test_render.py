@@ -213,6 +213,7 @@ def moved(array, index, value):
     return array
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     [
@@ -483,6 +484,7 @@ def test_cells_are_drawn_in_proportion():
     assert wide[:7] == [[[2 * x + 0.5, 0.5], [2 * x + 0.5, 4.5]] for x in range(7)]
 
 
+@pytest.mark.slow
 def test_pictures_do_not_depend_on_those_before_them(fdd_picture):
     """What stays from one picture to the next is kept."""
     others = ["tdd", "one-cell", "40-nodes", "fdd"]
@@ -523,6 +525,7 @@ SEA_CHANGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", SEA_CHANGES.values(), ids=SEA_CHANGES)
 def test_a_picture_of_the_sea_shows_it(sea, change):
     pictures = [as_picture(replace(sea, **each)).astype(int) for each in ({}, change)]

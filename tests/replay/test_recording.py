@@ -44,6 +44,7 @@ def same(first, second):
     return {key: value for key, value in a.items() if b[key] != value}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_recording_holds_every_state_and_event(scenario):
     recording = record_policy(scenario, "random-walk", 7)
@@ -126,6 +127,7 @@ def test_damaged_polls_are_said_in_one_line(polled, changes, message):
         Recording.from_json(damaged)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_nobody_is_0(scenario, tmp_path):
     overrides = {"auvs.idle_choices": True}
@@ -265,6 +267,7 @@ def test_moves_docks_and_sleep_are_kept(sea, tmp_path):
     assert not again.asleep.all()
 
 
+@pytest.mark.slow
 def test_a_snapshot_of_the_sea_is_that_of_the_world(sea):
     world, docked = World("paper/k5-fdd", overrides=SEA), 0
     for place, (state, events) in enumerate(play(world, make_baseline("random-walk"), 1)):

@@ -29,6 +29,7 @@ def test_every_picture_is_made_by_the_command():
     assert "docs/images/make.py" in (IMAGES.parents[1] / "Makefile").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", make.SLOTS)
 def test_picture_of_a_slot_is_fresh(name):
     kept = np.asarray(Image.open(IMAGES / f"{name}.png").convert("RGB"), dtype=float)
@@ -46,6 +47,7 @@ def test_picture_shows_what_the_readme_says():
     assert charged != heard
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "made_from"),
     [("report", make.fingerprint), ("replay", make.replay_fingerprint)],

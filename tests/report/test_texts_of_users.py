@@ -90,6 +90,7 @@ def read(source):
     return found
 
 
+@pytest.mark.slow
 @each_text
 @pytest.mark.parametrize("form", ["{}\n", "# {}\n", "- {}\n", "1: {}\n\nx\n", "|a|\n|---|\n|{}|\n"])
 def test_markdown_shows_it_and_no_more(text, form):

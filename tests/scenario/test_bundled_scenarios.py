@@ -104,6 +104,7 @@ def test_layouts_of_several_auvs_begin_with_the_papers():
     assert load_scenario("multi/m4-k50-tdd").nodes.cells[:10] == paper
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXPECTED)
 def test_has_a_world(name):
     scenario = load_scenario(name)

@@ -359,6 +359,7 @@ def test_runs_hold_copies_before_their_first_save(folder):
     assert found == [LIGHT, False]
 
 
+@pytest.mark.slow
 def test_cells_of_a_study_carry_contents_and_bring_copies_back(folder):
     scenario = load_scenario(write(folder / "a.yaml", "data/light.csv"), TINY)
     cell = pickle.dumps(Cell("g", "s", 1, scenario, "ppo", seed=0, episodes=1))

@@ -35,6 +35,7 @@ def test_without_it_the_scenario_itself_is_drawn_and_its_hash_is_as_it_was():
     assert over({"vary": VARY}).hash != over().hash
 
 
+@pytest.mark.slow
 def test_ranges_and_choices_are_drawn_from_end_to_end():
     draws = drawn(Families.from_scenario(over({"name": "all", "vary": VARY})), 400)
     nodes = [draw.scenario.num_nodes for draw in draws]
@@ -52,6 +53,7 @@ def test_ranges_and_choices_are_drawn_from_end_to_end():
     assert 1.9 < max(map(max, weights)) <= 2
 
 
+@pytest.mark.slow
 def test_whole_numbers_are_drawn_equally_often():
     scenario = over({"vary": {"nodes.count": {"from": 2, "to": 4}}})
     draws = drawn(Families.from_scenario(scenario), 600)
@@ -65,6 +67,7 @@ def test_the_same_generator_draws_the_same():
     assert drawn(families, 5) == drawn(families, 5)
 
 
+@pytest.mark.slow
 def test_weights_say_how_often_and_strata_which_half():
     entries = ({"name": "a", "weight": 3, "vary": VARY}, {"name": "b"})
     families = Families.from_scenario(over(*entries))

@@ -249,6 +249,7 @@ def test_changes_with_what_is_allowed_if_there_is_anything():
     assert both.world_hash == scenario.world_hash
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", bundled_names())
 def test_ignores_the_order_of_keys(name):
     scenario = load_scenario(name)

@@ -228,6 +228,7 @@ def test_more_bases_than_anyone_needs(tmp_path, line):
         load_scenario("c0")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     ["'" + "k" * 100_000 + "': 1", "age: {maximum: " + "k" * 100_000 + "}", "x" * 100_000]

@@ -48,6 +48,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", bundled_names())
 def test_bundled_scenarios_train_by_the_fast_preset(name):
     """But for those that the pretrained policy was trained on."""

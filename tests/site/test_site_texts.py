@@ -44,6 +44,7 @@ def test_every_figure_of_the_model_is_made_and_shown():
     assert "docs/images/model.py" in (DOCS.parent / "Makefile").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODEL.FIGURES)
 def test_figure_is_fresh(name):
     kept = np.asarray(Image.open(MODEL.FOLDER / f"{name}.png").convert("RGB"), dtype=float)

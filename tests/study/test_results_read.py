@@ -212,6 +212,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("keys", "value", "message"), MISTAKES.values(), ids=MISTAKES)
 def test_a_value_that_is_none_is_named(tmp_path, keys, value, message):
     assert message in told(written(tmp_path, changed(keys, value)))

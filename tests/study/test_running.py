@@ -125,6 +125,7 @@ def searched(tmp_path):
     return load_study(write_study(tmp_path / "s.yaml", groups={"searched": group}, quick=quick))
 
 
+@pytest.mark.slow
 def test_bounds_stand_beside_what_they_bound(run, searched, tmp_path):
     cells = expand(*searched)
     results = run(cells=cells)

@@ -257,6 +257,7 @@ def test_a_scenario_is_no_study(tmp_path, text):
         load_study(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study", STUDIES)
 def test_no_two_cells_of_a_study_are_described_alike(study):
     told = [cell.describe() for cell in cells_of(study)]

@@ -107,11 +107,13 @@ def heard_twice(scenario, policy):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampled", [False, True])
 def test_a_fleet_agrees(sampled):
     assert heard_twice(team("fdd"), pretrained(sampled=sampled)) == 0
 
 
+@pytest.mark.slow
 def test_two_may_charge_and_hear_one_node_together():
     assert heard_twice(team("tdd"), pretrained()) > 0
 

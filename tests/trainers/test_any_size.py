@@ -33,6 +33,7 @@ def run(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["paper/k3-fdd", "random/k7-fdd", "multi/m2-k10-fdd", "sea/bay", "multi/m2-k13-fdd"]
 )
@@ -63,6 +64,7 @@ def test_parts_of_the_environments_decide_as_all_of_them(run, monkeypatch, name,
         np.testing.assert_array_equal(actions, together)
 
 
+@pytest.mark.slow
 def test_sees_what_a_table_shows(run):
     """Actions in the scenario as it is are those in the same one with tables."""
     policy = load_policy(run)
@@ -73,6 +75,7 @@ def test_sees_what_a_table_shows(run):
     assert plain.samples["mean_aoi"].tolist() == shown.samples["mean_aoi"].tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{}, {"observation": "table"}], ids=["paper", "table"])
 def test_is_asked_in_environments(run, changes):
     """Of other sizes, whatever they hand out; the episode is that of an evaluation."""
@@ -87,6 +90,7 @@ def test_is_asked_in_environments(run, changes):
     assert found == pytest.approx(expected.samples["mean_aoi"][0], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_what_auvs_know_must_be_as_in_the_training(run, tmp_path):
     """A view with a limit has a column more, which other weights know nothing of."""
     limit = {"observation.view_range_m": 800}
@@ -127,6 +131,7 @@ class TestStart:
         for name, tensor in trainer.weights().items():
             torch.testing.assert_close(tensor, expected[name])
 
+    @pytest.mark.slow
     def test_settings_of_the_user_hold(self, run, tmp_path):
         outcome = train(
             "paper/k5-fdd",
@@ -196,6 +201,7 @@ class TestStart:
             Trainer("paper/k5-fdd", start=str(tmp_path / "run"))
 
 
+@pytest.mark.slow
 def test_best_of(run):
     """No worse than the most probable actions; of several episodes the better ones differ."""
     policy = load_policy(run)
@@ -206,6 +212,7 @@ def test_best_of(run):
     assert not policy.sampled
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", ["random/k3-tdd", "multi/m2-k10-fdd"])
 def test_guided_beam(scenario):
     """No worse than the policy, the same in any company, and played as it was planned."""
@@ -228,6 +235,7 @@ def test_guided_beam(scenario):
     assert (planned.age_sum < plain.age_sum).any()
 
 
+@pytest.mark.slow
 def test_guided_beam_of_a_network_for_observations():
     """Guided by what was trained on one scenario alone."""
     policy = Trainer("paper/k3-tdd", overrides={"training.steps": 1}).policy()

@@ -103,6 +103,7 @@ class TestFilesOfOthers:
             quietly(tiny(), tmp_path)
         assert contents(tmp_path) == before
 
+    @pytest.mark.slow
     def test_of_other_names_stay(self, tiny, tmp_path):
         mine = {tmp_path / name: b"mine" for name in ("notes.txt", "my.yaml", "metrics.json")}
         for path, data in mine.items():
@@ -110,6 +111,7 @@ class TestFilesOfOthers:
         quietly(tiny(), tmp_path)
         assert contents(tmp_path).items() >= mine.items()
 
+    @pytest.mark.slow
     def test_beside_the_folders_of_several_policies_stay(self, tiny, tmp_path):
         mine = {tmp_path / name: b"mine" for name in ("scenario.yaml", "metrics.jsonl", EVENTS)}
         for path, data in mine.items():
@@ -139,6 +141,7 @@ class TestLeftovers:
         assert len(list((tmp_path / "run").glob("events.*"))) == 1
         assert not list((tmp_path / "run").glob("*.part"))
 
+    @pytest.mark.slow
     def test_several_policies_that_never_saved(self, tiny, tmp_path, killed):
         killed(tmp_path / "group", seed=3, replicas=2)
         (tmp_path / "group/group.json.part").write_text("half")
@@ -217,6 +220,7 @@ class TestRefusedFolders:
 class TestWhichPoliciesAreMeant:
     """Where several lie in a folder, what they were saved with says so."""
 
+    @pytest.mark.slow
     def test_another_run_among_them_is_none_of_them(self, tiny, tmp_path):
         quietly(tiny({"training.steps": 80}), tmp_path, seed=3, replicas=2)
         shutil.copytree(tmp_path / "seed-4", tmp_path / "seed-5")

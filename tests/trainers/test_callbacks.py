@@ -100,6 +100,7 @@ def test_checkpoint_is_there_when_it_is_called(short, tmp_path):
     assert found == [160, 160, 320, 320]
 
 
+@pytest.mark.slow
 def test_stopped_training_is_saved_evaluated_and_can_be_resumed(short, tmp_path):
     outcome = train(short, tmp_path, callbacks=[Stopping(at=160)], evaluation_episodes=2)
     assert outcome.finished

@@ -70,6 +70,7 @@ def test_loss_is_the_cross_entropy_of_what_is_possible():
         assert gradient[..., 0, 2] == 0  # nothing makes it more probable
 
 
+@pytest.mark.slow
 def test_learner_plays_more_and_more_and_learns_what_the_teacher_would_do(tiny):
     trainer = Trainer(tiny(SHOWN), seed=3)
     shares, shows = [], Teacher.shows
@@ -110,6 +111,7 @@ def test_actor_comes_to_do_as_its_teacher(tiny):
     assert aoi[1] - aoi[0] < (aoi[2] - aoi[0]) / 2
 
 
+@pytest.mark.slow
 def test_plans_are_kept_to(tiny, monkeypatch):
     """A tour has planned for its own actions alone."""
     made, plan = [], Planner.plan
@@ -197,6 +199,7 @@ def test_policies_side_by_side_learn_what_each_would_alone(tiny, teacher):
         torch.testing.assert_close(two.weights(1)[name], tensor, rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_every_family_has_a_teacher(tiny):
     changes = {
         "nodes": {"kind": "random", "count": 2},

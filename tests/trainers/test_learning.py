@@ -254,6 +254,7 @@ def test_metrics_of_episodes_are_logged_only_where_some_ended(tiny):
     assert ["aoi/mean" in log for log in logs] == [False, True, True]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [

@@ -55,6 +55,7 @@ def quietly():
         )
 
 
+@pytest.mark.slow
 def test_each_turn_plays_whole_episodes_of_what_was_drawn(families):
     trainer = Trainer(families(), seed=1)
     target, steps, seen = 8 * 20, 0, set()
@@ -76,6 +77,7 @@ def test_each_turn_plays_whole_episodes_of_what_was_drawn(families):
     assert trainer.policy().network.action_sizes == trainer.collector.world.action_sizes
 
 
+@pytest.mark.slow
 def test_weights_learn_and_families_are_logged(families):
     trainer = Trainer(families(), seed=1)
     before = {name: p.clone() for name, p in trainer.network.named_parameters()}
@@ -174,6 +176,7 @@ class StopAfter(Callback):
             training.stop()
 
 
+@pytest.mark.slow
 def test_a_stopped_run_goes_on_as_if_it_never_was(families, quietly, tmp_path):
     scenario = families()
     whole = quietly(scenario, tmp_path / "whole").run
@@ -193,6 +196,7 @@ def test_a_stopped_run_goes_on_as_if_it_never_was(families, quietly, tmp_path):
         }
 
 
+@pytest.mark.slow
 def test_collectors_that_are_kept_make_no_difference(families, monkeypatch):
     kept, fresh = Trainer(families(), seed=2), Trainer(families(), seed=2)
     for _ in range(6):

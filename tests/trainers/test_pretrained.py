@@ -37,6 +37,7 @@ def weights(tmp_path_factory):
     return folder / "weights"
 
 
+@pytest.mark.slow
 def test_what_is_packed(weights):
     (mode,) = load_modes(weights).values()
     assert mode.scenario.training.network.width == 8
@@ -50,6 +51,7 @@ def test_what_is_packed(weights):
         evaluate("random/k5-tdd", policy, 1)
 
 
+@pytest.mark.slow
 def test_a_mode_without_a_run_stays_as_it_is_in_the_file(weights, tmp_path):
     train("pretrained/tdd", tmp_path / "tdd", overrides=SHORT, evaluation_episodes=1)
     (tmp_path / "both").write_bytes(packed([tmp_path / "tdd"], weights))
@@ -94,6 +96,7 @@ def test_files_that_are_refused(weights, tmp_path):
         load_modes(tmp_path / "other")
 
 
+@pytest.mark.slow
 def test_only_finished_trainings_over_scenarios_are_packed(weights, tmp_path):
     shutil.copytree(weights.parent / "fdd", tmp_path / "again")
     with pytest.raises(InputError, match="second run"):
@@ -114,6 +117,7 @@ class TestShipped:
         for mode in modes.values():
             assert mode.about["hash"] == hashed(mode.weights)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("name", "changes", "most"),
         [
@@ -132,12 +136,14 @@ class TestShipped:
         found = evaluate(scenario, pretrained(), 1, seed=77).samples["mean_aoi"].mean()
         assert found < most * delivery_bound(scenario)
 
+    @pytest.mark.slow
     def test_by_name(self):
         by_name = [load_policy("pretrained"), make_baseline("pretrained"), pretrained()]
         found = [evaluate("paper/k3-tdd", policy, 1).samples["mean_aoi"][0] for policy in by_name]
         assert len(set(found)) == 1
         assert load_policy("pretrained", sampled=True).sampled
 
+    @pytest.mark.slow
     def test_order_of_nodes(self):
         """Another numbering of the nodes leads to the same episode."""
         cells = load_scenario("paper/k7-fdd").nodes.cells
@@ -148,6 +154,7 @@ class TestShipped:
         ages = [each.samples["mean_aoi"][0] for each in found]
         np.testing.assert_allclose(ages[0], ages[1])
 
+    @pytest.mark.slow
     def test_one_node(self):
         assert evaluate("random/k3-fdd", pretrained(), 1, seed=3).episodes == 1
         one = load_scenario("random/k3-fdd", {"nodes.count": 1})

@@ -140,6 +140,7 @@ class TestRuns:
                 alone.evaluation.metrics["mean_aoi"].mean, rel=1e-3
             )
 
+    @pytest.mark.slow
     def test_go_on_together(self, short, tmp_path):
         options = {"evaluation_episodes": 1}
         longer = short.model_copy(
@@ -152,6 +153,7 @@ class TestRuns:
             lines = run.metrics_path.read_text().splitlines()
             assert len(lines) == steps // 80
 
+    @pytest.mark.slow
     def test_that_have_not_come_equally_far(self, short, tmp_path):
         train(short, tmp_path, replicas=2, evaluation_episodes=1)
         longer = short.model_copy(

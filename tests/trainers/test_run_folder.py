@@ -217,6 +217,7 @@ class TestResuming:
         assert "checkpoint.pt: refused: damaged, or it holds Python objects" in message
         assert not (folder / "sprung").exists()
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("changes", "expected"),
         [

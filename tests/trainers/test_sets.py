@@ -186,6 +186,7 @@ def numbers(*shape):
     return torch.randn(*shape, dtype=torch.float64, requires_grad=True)
 
 
+@pytest.mark.slow
 @REPLICAS
 @pytest.mark.parametrize("relu", [False, True], ids=["linear", "relu"])
 def test_mixed(replicas, relu):
@@ -211,6 +212,7 @@ def test_mixed(replicas, relu):
         )
 
 
+@pytest.mark.slow
 @REPLICAS
 def test_pooled(replicas):
     torch.manual_seed(0)

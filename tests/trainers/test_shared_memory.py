@@ -48,6 +48,7 @@ def in_processes(tmp_path):
         os.waitpid(process, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [2, 3])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64, torch.int64])
 def test_sums_and_joins(in_processes, monkeypatch, size, dtype):
@@ -73,6 +74,7 @@ def test_sums_and_joins(in_processes, monkeypatch, size, dtype):
     assert in_processes(check, size) == [0] * size
 
 
+@pytest.mark.slow
 def test_thousands_of_exchanges_never_mix(in_processes):
     def check(group):
         for i in range(5_000):
@@ -110,6 +112,7 @@ def test_what_a_process_hands_over_last_is_heard(in_processes, monkeypatch):
     assert in_processes(check) == [0, 0]
 
 
+@pytest.mark.slow
 def test_patience_ends(in_processes, monkeypatch):
     monkeypatch.setattr(shared_memory, "_LOOKS", 10)
     monkeypatch.setattr(shared_memory, "TIMEOUT", shared_memory.TIMEOUT / 3000)

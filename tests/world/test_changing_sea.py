@@ -96,6 +96,7 @@ def test_packets_get_lost_as_often_as_bit_errors_have_it():
     assert abs(lost / sent - share) < 4 * np.sqrt(share * (1 - share) / sent)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fdd", "polled"])
 @pytest.mark.parametrize("sampling", ["slot_end", "packet_start"])
 def test_what_is_expected_is_the_mean_of_what_is_drawn(name, sampling):
@@ -169,6 +170,7 @@ def test_wind_is_left_alone_where_nothing_gets_lost():
     assert not has_chance(scenario)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SEAS)
 def test_environments_of_a_batch_are_those_alone(name):
     scenario, seeds = rough(SEAS[name]), (4, 5, 6)
@@ -217,6 +219,7 @@ def test_float32_on_torch_plays_the_same_world():
         np.testing.assert_array_equal(other.delivered, events.delivered)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::iout_marl.errors.Note")
 @pytest.mark.parametrize("policy", ["greedy", "tour", "planner", "random-walk", "return"])
 def test_policies_play_it(policy):
@@ -228,6 +231,7 @@ def test_policies_play_it(policy):
     assert len(set(found.samples["packets_lost"])) > 1
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::iout_marl.errors.Note")
 @pytest.mark.parametrize("make", [lambda: "tour", lambda: GuidedBeam(pretrained(), 1)])
 def test_plans_are_made_once_and_kept(make):

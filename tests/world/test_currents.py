@@ -296,6 +296,7 @@ def test_batched_environments_and_single_ones_agree():
     vector.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", ["greedy", "tour", "planner", "return", "random-walk"])
 @pytest.mark.parametrize("duplex", ["fdd", "tdd"])
 def test_policies_play(tiny, policy, duplex):
@@ -446,7 +447,7 @@ def test_a_training_goes_on_with_what_chance_has_added(tiny):
     assert "wander_m_per_s" not in saved["state"]
 
 
-@pytest.mark.filterwarnings("ignore:tour and planner plan for")
+@pytest.mark.filterwarnings("ignore:searches .tour, planner")
 @pytest.mark.parametrize("policy", ["tour", "return"])
 def test_policies_play_where_it_wanders(tiny, policy):
     found = evaluate(tiny({"vehicle": MOTOR, "current": WANDERING}), policy, 1)

@@ -11,6 +11,7 @@ DECISIONS = ("left_grid", "blocked", "charged", "heard", "delivered")
 WHOLE = ("cell", "age", "deliveries")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", bundled_names())
 def test_the_same_actions_lead_to_the_same_decisions(name):
     scenario = load_scenario(name)

@@ -75,6 +75,7 @@ def test_an_idle_slot_costs_and_brings_nothing(name):
             assert np.array_equal(after.energy_j, before.energy_j), slot
 
 
+@pytest.mark.slow
 @every_world
 @pytest.mark.parametrize("access", ACCESS)
 def test_an_auv_that_names_nobody_changes_nothing_for_others(name, access):

@@ -78,6 +78,7 @@ def tables_of(slot):
     return {name: v for name, v in slot.values.items() if name.startswith("table")}
 
 
+@pytest.mark.slow
 def test_rows_lie_within_their_ranges_and_make_the_vector(scenario):
     world, slots = played(scenario)
     layout, ranges = world.observer.layout, world.observer.agent_ranges
@@ -93,6 +94,7 @@ def test_rows_lie_within_their_ranges_and_make_the_vector(scenario):
         np.testing.assert_array_equal(flattened(rows), vectors)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", ["nodes", "auvs"])
 def test_renumbering_moves_rows_alone(scenario, of):
     count = {"nodes": scenario.num_nodes, "auvs": scenario.num_auvs}[of]
@@ -106,6 +108,7 @@ def test_renumbering_moves_rows_alone(scenario, of):
             np.testing.assert_allclose(other.values[name], rows, 1e-9, 1e-9, err_msg=name)
 
 
+@pytest.mark.slow
 def test_torch_gives_the_same(scenario):
     slots, again = played(scenario)[1], played(scenario, library=torch)[1]
     for one, other in zip(slots, again, strict=True):
@@ -114,6 +117,7 @@ def test_torch_gives_the_same(scenario):
         )
 
 
+@pytest.mark.slow
 def test_float32_gives_the_same(scenario):
     slots, again = played(scenario)[1], played(scenario, dtype="float32")[1]
     for one, other in zip(slots, again, strict=True):

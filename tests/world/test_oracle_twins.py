@@ -25,6 +25,7 @@ def played():
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("role", "kind"),
     [

@@ -52,6 +52,7 @@ def test_every_failed_uplink_has_a_reason_of_its_world(case):
     assert seen == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", WORLDS)
 def test_reasons_hold_by_what_the_slot_shows(case):
     """Said from the positions, energies and choices alone, by loops."""

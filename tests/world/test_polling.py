@@ -194,6 +194,7 @@ def test_under_exclusive_access_a_collision_ends_it_and_has_its_reason():
     assert second == [None, None, None]
 
 
+@pytest.mark.slow
 @every_world
 @pytest.mark.parametrize("auvs", [1, 2])
 def test_torch_and_the_traced_slot_agree(name, auvs):
@@ -254,6 +255,7 @@ def test_rewards_count_each_node_served_too_often():
     assert world.reward_terms(after, events)["occurrence"].item() == -2 * penalty
 
 
+@pytest.mark.slow
 @every_world
 @pytest.mark.parametrize("policy", ["random-walk", "greedy", "round-robin", "tour", "planner"])
 def test_policies_play(name, policy):
@@ -316,6 +318,7 @@ def test_a_single_auv_may_poll_under_interference():
     assert after.deliveries.sum() == 3
 
 
+@pytest.mark.slow
 @every_world
 def test_environments_keep_their_contracts(name):
     changes = {"auvs.count": 2, "episode.duration_s": 1000, "charging.power_w": 4000}

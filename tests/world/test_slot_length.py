@@ -98,6 +98,7 @@ def test_a_nearby_node_is_charged_from_where_the_auv_is_at_the_end_of_the_slot()
     assert harvested_j[0] == harvested_j[1] != harvested_j[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slot_s", [7, 12.5, 25, 60, 110])
 @pytest.mark.parametrize("separation", [1, 2.5])
 def test_auvs_that_were_apart_stay_apart_on_any_library(slot_s, separation):

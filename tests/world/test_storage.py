@@ -59,6 +59,7 @@ def slots(world, seed=0):
         yield before, events, state
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("store", STORES)
 @pytest.mark.parametrize("case", WORLDS)
 def test_energy_is_conserved_to_the_joule_of_every_node_and_in_total(case, store):
@@ -85,6 +86,7 @@ def test_energy_is_conserved_to_the_joule_of_every_node_and_in_total(case, store
     assert spent_j.sum() > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("store", ["as it is", "tiny", "hungry"])
 @pytest.mark.parametrize("case", WORLDS)
 def test_nothing_is_spent_that_is_not_there(case, store):
@@ -159,6 +161,7 @@ def test_stores_without_limits_add_nothing():
     assert "spilled_j" not in world.metrics(state)
 
 
+@pytest.mark.slow
 def test_a_capacitor_that_neither_fills_nor_loses_is_a_store_without_limits():
     large = {"kind": "capacitor", "capacity_j": 1e9}
     for name, changes in WORLDS.values():
@@ -171,6 +174,7 @@ def test_a_capacitor_that_neither_fills_nor_loses_is_a_store_without_limits():
             assert np.array_equal(plain.action_mask(one[2]), limited.action_mask(other[2]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["fdd", "tdd-stored", "fdd-team"])
 def test_torch_and_single_environments_agree(case):
     world, theirs = make(case), make(case, library=torch)
@@ -204,6 +208,7 @@ def test_masked_nodes_could_not_have_paid(case):
     assert masked > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", ["greedy", "tour", "planner"])
 @pytest.mark.parametrize("duplex", ["fdd", "tdd"])
 def test_policies_play(tiny, policy, duplex):

@@ -280,6 +280,7 @@ def test_a_file_beside_the_scenario(tmp_path, iout):
     assert load_scenario(path).hash in shown
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [by_depth, by_cell])
 def test_bounds_hold_and_the_planner_runs(make):
     file = {by_depth: by_range_and_depth, by_cell: lambda f: by_cells(f, CELLS)}[make]

@@ -79,6 +79,7 @@ def test_unrolled_slot_is_that_of_the_world(name, auvs, parts, rewards, seed):
     assert_alike(load_scenario(name, settings), seed=seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper/k10-fdd", "best/k10-tdd", "multi/m3-k10-fdd"])
 def test_unrolled_slot_is_that_of_the_world_for_a_whole_episode(name):
     scenario = load_scenario(name)

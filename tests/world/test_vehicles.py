@@ -69,6 +69,7 @@ def test_a_dock_fills_a_battery_up_and_no_further():
     assert after.battery_j == pytest.approx(world.vehicle.capacity_j, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("battery", BATTERIES)
 @pytest.mark.parametrize("case", WORLDS)
 def test_energy_is_conserved_to_the_joule_of_every_auv(case, battery):
@@ -148,6 +149,7 @@ def test_vehicles_without_end_of_energy_add_nothing():
     assert "battery_share" not in world.metrics(state)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", WORLDS)
 def test_a_battery_that_is_never_empty_changes_nothing(case):
     large = {"capacity_j": 1e12}
@@ -162,6 +164,7 @@ def test_a_battery_that_is_never_empty_changes_nothing(case):
         assert np.array_equal(plain.action_mask(one[3]), limited.action_mask(other[3]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", WORLDS)
 def test_torch_and_single_environments_agree(case):
     entries = ["battery"] + ["batteries"] * case.endswith("team")
@@ -219,6 +222,7 @@ def test_to_a_stranded_auv_the_mask_leaves_what_it_can_do():
             assert left[-1] or number is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", ["greedy", "tour", "planner", "return"])
 @pytest.mark.parametrize("duplex", ["fdd", "tdd"])
 def test_policies_play(tiny, policy, duplex):
