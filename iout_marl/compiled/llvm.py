@@ -19,6 +19,8 @@ from typing import Any
 import llvmlite.binding as llvm
 from llvmlite import ir
 
+from iout_marl.tracing.library import UnknownOperationError
+
 #: Type of addresses, counts and whole numbers; of flags, and of these in memory.
 _INT, _FLAG, _BYTE = ir.IntType(64), ir.IntType(1), ir.IntType(8)
 #: Types of numbers in memory, by the names of NumPy's.
@@ -104,7 +106,7 @@ class Function:
                 case ast.While(test=test, body=body):
                     self._while(test, body)
                 case _:
-                    raise NotImplementedError(ast.unparse(statement))
+                    raise UnknownOperationError(ast.unparse(statement))
 
     def _assign(self, name: str, value: Any) -> None:
         if name not in self._places:
@@ -224,7 +226,7 @@ class Function:
                 return self._builder.trunc(number, _FLAG) if kind == _BYTE else number
             case ast.Call(func=ast.Name(id=name), args=arguments):
                 return getattr(self, f"call_{name}")(*map(self._value, arguments))
-        raise NotImplementedError(ast.unparse(expression))
+        raise UnknownOperationError(ast.unparse(expression))
 
     def _operated(self, operation: type[ast.operator], left: Any, right: Any) -> Any:
         if left.type != right.type:
