@@ -23,7 +23,6 @@ _T = TypeVar("_T")
 Space: TypeAlias = tuple[int, ...]
 #: Numbers of one kind are kept together: floating ones, whole ones, flags.
 LETTERS = "fib"
-_LETTER = {bool: "b", int: "i", float: "f"}
 #: The place in memory of a number of an environment, by how an array lies there.
 _INDEX = {
     "columns": "({place}) * width + base + lane",
@@ -154,23 +153,20 @@ class Schedule:
 
     def _settles(self, statement: Statement) -> bool:
         """Let an array that is written as it is be kept where it is written, and read there."""
-        operand, store, targets = statement.operand, statement.store, statement.targets
-        assert operand is not None
-        assert store is not None
-        assert targets is not None
-        node, order = operand.node, targets.ravel()
+        operand, store = present(statement.operand), present(statement.store)
+        node, order = operand.node, present(statement.targets).ravel()
         if node is None or node in self.kept or store.is_row:
             return False
         if node.operation == "parameter" or operand.places is None:
             return False
-        if not isnatural(operand.places, node.size) or (np.diff(order) != 1).any():
+        if not _is_natural(operand.places, node.size) or (np.diff(order) != 1).any():
             return False
         self.kept[node] = Store(store.array, store.first + int(order[0]))
         return True
 
     def scratch_for(self, kind: type, size: int) -> Store:
         """Room for so many numbers of a kind."""
-        letter = _LETTER[kind]
+        letter = letter_of(kind)
         self.scratch[letter] += size
         return Store(f"scratch_{letter}", self.scratch[letter] - size, "scratch")
 
@@ -182,7 +178,7 @@ class Schedule:
         """Put it into the first block that can do it: its number."""
         first = 0
         for source, is_whole in self._sources(statement):
-            if isinstance(source.node, Node):
+            if source.node is not None:
                 is_near = not is_whole and self.is_local(source, statement)
                 first = max(first, self.made[source.node] + (not is_near))
         kind = statement.space, statement.is_by_rows
@@ -214,7 +210,7 @@ class Schedule:
             and source.operation in ("elementwise", "gather")
             and space_of(source.shape) == statement.space
             and operand.places is not None
-            and isnatural(operand.places, source.size)
+            and _is_natural(operand.places, source.size)
         )
 
     def _keep_what_is_read_later(self) -> None:
@@ -245,7 +241,7 @@ def natural(shape: tuple[int, ...]) -> Places:
     return np.arange(math.prod(shape)).reshape(shape)
 
 
-def isnatural(places: Places, size: int) -> bool:
+def _is_natural(places: Places, size: int) -> bool:
     """Whether an array has the numbers of a node in their order, each once."""
     return places.size == size and bool((places.ravel() == np.arange(size)).all())
 

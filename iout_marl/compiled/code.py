@@ -92,8 +92,6 @@ class Code:
         blocks = self._schedule.blocks
         self.lines = [line for number in range(len(blocks)) for line in self._block(number)]
 
-    # The source of a block.
-
     def _block(self, number: int) -> list[str]:
         block = self._schedule.blocks[number]
         loop = _Loop(number)

@@ -115,13 +115,9 @@ class Function:
         self._builder.store(value, self._places[name][0])
 
     def _for(self, name: str, bounds: list[Any], body: list[ast.stmt]) -> None:
-        """A loop from the first number, or 0, to before the next one, by the last one, or 1."""
+        """A loop from the first number to before the next one by the last; of one, from 0 by 1."""
         builder = self._builder
-        first, end, step = {
-            1: [_INT(0), *bounds, _INT(1)],
-            2: [*bounds, _INT(1)],
-            3: bounds,
-        }[len(bounds)]
+        first, end, step = bounds if len(bounds) == 3 else [_INT(0), *bounds, _INT(1)]
         before = builder.block
         inside, after = (builder.append_basic_block(f"{name}_{at}") for at in ("turn", "end"))
         builder.cbranch(builder.icmp_signed("<", first, end), inside, after)

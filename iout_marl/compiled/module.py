@@ -24,8 +24,7 @@ import numpy.typing as npt
 from iout_marl.compiled.blocks import LETTERS, types_kept
 from iout_marl.compiled.code import Code
 
-#: Arrays of a compiled slot, by letter of their type, after the number of environments and the
-#: width of columns; chance and tables do not change.
+#: Arrays of a compiled slot, by letter of their type, `o` that of observations.
 _ARRAYS = {
     **{f"in_{letter}": letter for letter in "fi"},
     **{f"kept_{letter}": letter for letter in "fi"},
@@ -37,6 +36,7 @@ _ARRAYS = {
     "mask": "b",
     **{f"scratch_{letter}": letter for letter in LETTERS},
 }
+#: What comes before them.
 _NUMBERS = ("num_envs", "width")
 #: How many environments are played together, and how much memory what is kept of them may take:
 #: half of what the second cache has room for.

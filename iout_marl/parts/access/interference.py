@@ -142,12 +142,12 @@ def positive_solution(xp: Any, matrix: Array, right: Array) -> tuple[Array, Arra
     Returns:
         (…, n) y, and whether there is one, (…, 1).
     """
-    if xp is np and matrix.shape[-1] > _FEW_ROWS:
-        singular = np.linalg.det(matrix) == 0
-        matrix = np.where(singular[..., None, None], np.eye(matrix.shape[-1]), matrix)
-        solution = np.linalg.solve(matrix, right[..., None])[..., 0]
-        return solution, ((solution > 0).all(-1) & ~singular)[..., None]
     if matrix.shape[-1] > _FEW_ROWS:
+        if xp is np:
+            singular = np.linalg.det(matrix) == 0
+            matrix = np.where(singular[..., None, None], np.eye(matrix.shape[-1]), matrix)
+            solution = np.linalg.solve(matrix, right[..., None])[..., 0]
+            return solution, ((solution > 0).all(-1) & ~singular)[..., None]
         rounds_otherwise(xp)
 
     def divisor(pivot: Array) -> Array:
