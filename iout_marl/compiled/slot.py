@@ -27,6 +27,7 @@ from iout_marl.errors import InputError
 from iout_marl.metrics import Metric
 from iout_marl.physics.arrays import Array
 from iout_marl.scenario import Scenario
+from iout_marl.world.actions import ActionCheck
 from iout_marl.world.world import World
 
 #: Fields of a state that are whole numbers as long as no packet counts in part.
@@ -173,7 +174,9 @@ class CompiledSlot:
         #: Shapes of what is drawn for an environment, by name.
         self._drawn_shapes = {name: each.shape[1:] for name, each in drawn.items() if each.size}
         self._nothing = np.empty(0, dtype)
-        self._action_sizes = np.broadcast_to(np.array(world.action_sizes, np.uint64), shape)
+        self._acting = world.num_auvs, world.action_sizes
+        #: Of the number of environments that was played last.
+        self._checks: dict[int, ActionCheck] = {}
         self._mask_shape: tuple[int, ...] = (0,)
         if with_mask:
             mask = world.action_mask(after)
@@ -238,8 +241,7 @@ class CompiledSlot:
             chance: as for `World.step`, and drawn.
 
         Raises:
-            IndexError: an action that there is not.
-            InputError: chance of another shape.
+            InputError: an action that there is not, or chance of another shape.
         """
         if self._function is None:
             self.compile()
@@ -266,14 +268,10 @@ class CompiledSlot:
 
     def _checked(self, action: npt.NDArray[np.int64], num_envs: int) -> npt.NDArray[np.int64]:
         """Actions, contiguous: the function would read what is behind its tables for any other."""
-        sizes = self._action_sizes
-        if len(sizes) != num_envs:
-            sizes = np.broadcast_to(sizes[:1], (num_envs, *sizes.shape[1:])).copy()
-            self._action_sizes = sizes  # kept, for it takes longer to broadcast than to compare
-        action = np.ascontiguousarray(action, np.int64).reshape(sizes.shape)
-        if not (action.view(np.uint64) < sizes).all():  # which negative ones are not
-            raise IndexError("an action is none of those that there are")
-        return action
+        if (check := self._checks.get(num_envs)) is None:
+            check = ActionCheck(num_envs, *self._acting)
+            self._checks = {num_envs: check}
+        return np.ascontiguousarray(check(action))
 
     def _drawn(self, chance: Chance | None, num_envs: int) -> list[npt.NDArray[Any]]:
         found = dict.fromkeys(Chance._fields, self._nothing)

@@ -111,13 +111,15 @@ def four(name):
 @pytest.mark.parametrize("action", [[-1, 0, 0], [0, 10, 0], [0, 0, 10**9], [2**40, 0, 0]])
 def test_actions_that_there_are_not(action):
     _, slot, columns = four("paper/k10-fdd")
-    with pytest.raises(IndexError, match="none of those that there are"):
+    with pytest.raises(InputError, match=r"^environment 3, auv_0: action \[.*\] lies outside"):
         slot(columns, np.array([[[0, 0, 0]]] * 3 + [[action]]), None)
 
 
 def test_actions_of_another_number():
     _, slot, columns = four("paper/k10-fdd")
-    with pytest.raises(ValueError, match="reshape"):
+    with pytest.raises(
+        InputError, match=r"expected an array of shape \(4, 1, 3\), not \(3, 1, 3\)"
+    ):
         slot(columns, np.zeros((3, 1, 3), np.int64), None)
 
 
